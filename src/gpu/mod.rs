@@ -8,6 +8,7 @@
 //!                           └─ finish() ──► Times { stages, total_ms }
 //! ```
 
+mod bind;
 mod context;
 mod kernel;
 pub mod layout;
@@ -20,13 +21,15 @@ mod resource;
 mod shader;
 mod staging;
 mod timing;
+mod view;
 
 pub use context::{AdapterFacts, Gpu, adapters, choose};
 pub use kernel::Kernel;
 pub use pass::Pass;
-pub use readback::{Readback, Ticket};
+pub use readback::{Landed, Readback, Ticket};
 pub use recorder::{Cancel, Recorder, never};
 pub use reflect::{Binding, BindingKind, Reflection};
 pub use resource::{Buffer, Resources, Slice, Usage};
 pub use shader::{ShaderText, compile, files, source};
 pub use timing::Times;
+pub use view::{View, ViewMut};

@@ -13,11 +13,11 @@ use crate::error::{Error, Result};
 use crate::gpu::context::lock;
 use crate::gpu::kernel::Kernel;
 use crate::gpu::recorder::{PIECE_NS, Recorder};
-use crate::gpu::reflect::{Binding, BindingKind};
+use crate::gpu::reflect::BindingKind;
 use crate::gpu::resource::{Buffer, Slice, Usage};
 
 /// Name of the uniform that passes fill themselves.
-const GRID: &str = "grid";
+pub(crate) const GRID: &str = "grid";
 
 /// Host twin of `Grid` in `shaders/common/grid.wgsl`.
 #[repr(C)]
@@ -30,17 +30,17 @@ pub(crate) struct Grid {
 /// More items would overflow the linear index of a folded grid.
 const MOST_ITEMS: u64 = 1 << 31;
 
-enum Bound<'r> {
+pub(crate) enum Bound<'r> {
     Buffer(Slice<'r>),
     Uniform(Vec<u8>),
 }
 
 /// A pass being described. Nothing is recorded before one of the `dispatch` calls.
 pub struct Pass<'r, 'a> {
-    recorder: &'r mut Recorder<'a>,
-    stage: String,
-    kernel: &'r Kernel,
-    bound: Vec<(String, Bound<'r>)>,
+    pub(crate) recorder: &'r mut Recorder<'a>,
+    pub(crate) stage: String,
+    pub(crate) kernel: &'r Kernel,
+    pub(crate) bound: Vec<(String, Bound<'r>)>,
 }
 
 /// Workgroups along x and y for `groups` of them, none above `most`.
@@ -56,20 +56,29 @@ pub(crate) fn fold(groups: u64, most: u32) -> Option<[u32; 2]> {
 
 impl<'r, 'a> Pass<'r, 'a> {
     pub(crate) fn new(recorder: &'r mut Recorder<'a>, stage: String, kernel: &'r Kernel) -> Self {
-        Self { recorder, stage, kernel, bound: Vec::new() }
+        Self {
+            recorder,
+            stage,
+            kernel,
+            bound: Vec::new(),
+        }
     }
 
     /// Binds a buffer, or a part of one, to the variable `name` of the shader.
     #[must_use]
     pub fn bind(mut self, name: &str, buffer: impl Into<Slice<'r>>) -> Self {
-        self.bound.push((name.to_string(), Bound::Buffer(buffer.into())));
+        self.bound
+            .push((name.to_string(), Bound::Buffer(buffer.into())));
         self
     }
 
     /// Gives the uniform `name` a value for this dispatch.
     #[must_use]
     pub fn uniform<T: Pod>(mut self, name: &str, value: &T) -> Self {
-        self.bound.push((name.to_string(), Bound::Uniform(bytemuck::bytes_of(value).to_vec())));
+        self.bound.push((
+            name.to_string(),
+            Bound::Uniform(bytemuck::bytes_of(value).to_vec()),
+        ));
         self
     }
 
@@ -102,11 +111,19 @@ impl<'r, 'a> Pass<'r, 'a> {
         arguments.check_range(&(first..first.saturating_add(3)))?;
         let slice = Slice::from(arguments);
         if slice.usage != Usage::Indirect {
-            return Err(self.fault(&format!("{arguments:?} holds dispatch arguments and needs Usage::Indirect")));
+            return Err(self.fault(&format!(
+                "{arguments:?} holds dispatch arguments and needs Usage::Indirect"
+            )));
         }
-        self.record(Grid { first: 0, end: u32::MAX }, |pass| {
-            pass.dispatch_workgroups_indirect(slice.raw, 4 * first as u64);
-        })
+        self.record(
+            Grid {
+                first: 0,
+                end: u32::MAX,
+            },
+            |pass| {
+                pass.dispatch_workgroups_indirect(slice.raw, 4 * first as u64);
+            },
+        )
     }
 
     /// Starts `items` threads in pieces that take about 0.1 s at most; `ns_per_item` is a first estimate, what was
@@ -118,7 +135,9 @@ impl<'r, 'a> Pass<'r, 'a> {
         if self.kernel.reflection.binding(GRID).is_none() {
             return Err(self.fault("is cut into pieces and must read `grid`"));
         }
-        let learnt = lock(&self.recorder.gpu.shared().rates).get(self.kernel.label()).copied();
+        let learnt = lock(&self.recorder.gpu.shared().rates)
+            .get(self.kernel.label())
+            .copied();
         let rate = learnt.unwrap_or(ns_per_item).max(1e-3);
         let predicted = rate * items as f64;
         self.recorder.check_cancel()?;
@@ -134,7 +153,15 @@ impl<'r, 'a> Pass<'r, 'a> {
         self.recorder.flush()?;
         self.recorder.gpu.wait()?;
         // A mere guess may be far off: begin with an eighth of a piece.
-        self.pieces(items as u64, rate, if learnt.is_some() { PIECE_NS } else { PIECE_NS / 8.0 })
+        self.pieces(
+            items as u64,
+            rate,
+            if learnt.is_some() {
+                PIECE_NS
+            } else {
+                PIECE_NS / 8.0
+            },
+        )
     }
 
     fn pieces(&mut self, items: u64, mut rate: f64, first_ns: f64) -> Result<()> {
@@ -142,14 +169,21 @@ impl<'r, 'a> Pass<'r, 'a> {
         let (mut done, mut piece_ns) = (0, first_ns);
         while done < items {
             self.recorder.check_cancel()?;
-            let count = ((piece_ns / rate) as u64).max(1).next_multiple_of(step).min(items - done);
+            let count = ((piece_ns / rate) as u64)
+                .max(1)
+                .next_multiple_of(step)
+                .min(items - done);
             let started = Instant::now();
             self.piece(done, done + count)?;
             self.recorder.flush()?;
             self.recorder.gpu.wait()?;
             let measured = started.elapsed().as_secs_f64() * 1e9 / count as f64;
             // One piece may be cheap and the next dear (sky, then leaves): let the prediction sink slowly.
-            rate = if measured > rate { measured } else { (0.5 * (rate + measured)).max(rate / 8.0) };
+            rate = if measured > rate {
+                measured
+            } else {
+                (0.5 * (rate + measured)).max(rate / 8.0)
+            };
             piece_ns = PIECE_NS;
             done += count;
         }
@@ -163,19 +197,43 @@ impl<'r, 'a> Pass<'r, 'a> {
     }
 
     fn groups(&mut self, first: u64, end: u64, groups: u64) -> Result<()> {
-        let most = self.recorder.gpu.limits().max_compute_workgroups_per_dimension;
+        let most = self
+            .recorder
+            .gpu
+            .limits()
+            .max_compute_workgroups_per_dimension;
         let shape = fold(groups, most).filter(|_| end < MOST_ITEMS);
         let Some([x, y]) = shape else {
-            return Err(self.fault(&format!("{end} items are more than one dispatch can take ({MOST_ITEMS})")));
+            return Err(self.fault(&format!(
+                "{end} items are more than one dispatch can take ({MOST_ITEMS})"
+            )));
         };
-        self.record(Grid { first: first as u32, end: end as u32 }, |pass| pass.dispatch_workgroups(x, y, 1))
+        self.record(
+            Grid {
+                first: first as u32,
+                end: end as u32,
+            },
+            |pass| pass.dispatch_workgroups(x, y, 1),
+        )
     }
 
-    fn record(&mut self, grid: Grid, dispatch: impl FnOnce(&mut wgpu::ComputePass<'_>)) -> Result<()> {
+    fn record(
+        &mut self,
+        grid: Grid,
+        dispatch: impl FnOnce(&mut wgpu::ComputePass<'_>),
+    ) -> Result<()> {
         self.check_bindings()?;
         let kernel = self.kernel;
-        let uniforms = kernel.reflection.bindings.iter().filter(|b| b.kind == BindingKind::Uniform);
-        if !self.recorder.staging.fits(uniforms.map(|b| b.min_bytes as usize)) {
+        let uniforms = kernel
+            .reflection
+            .bindings
+            .iter()
+            .filter(|b| b.kind == BindingKind::Uniform);
+        if !self
+            .recorder
+            .staging
+            .fits(uniforms.map(|b| b.min_bytes as usize))
+        {
             self.recorder.flush()?;
         }
         let groups = self.bind_groups(grid)?;
@@ -185,7 +243,10 @@ impl<'r, 'a> Pass<'r, 'a> {
         let (encoder, clock) = self.recorder.parts();
         gpu.scoped(&format!("pass {stage:?}"), || {
             let timestamp_writes = clock.pass(&stage);
-            let descriptor = wgpu::ComputePassDescriptor { label: Some(&stage), timestamp_writes };
+            let descriptor = wgpu::ComputePassDescriptor {
+                label: Some(&stage),
+                timestamp_writes,
+            };
             let mut pass = encoder.begin_compute_pass(&descriptor);
             pass.set_pipeline(&kernel.pipeline);
             for (index, group) in groups.iter().enumerate() {
@@ -201,140 +262,18 @@ impl<'r, 'a> Pass<'r, 'a> {
             // Without timestamps the only honest time is that of the pass alone.
             self.recorder.flush()?;
             self.recorder.gpu.wait()?;
-            self.recorder.clock.add(&stage, started.elapsed().as_secs_f64() * 1e3);
+            self.recorder
+                .clock
+                .add(&stage, started.elapsed().as_secs_f64() * 1e3);
         }
         Ok(())
     }
 
-    fn bind_groups(&mut self, grid: Grid) -> Result<Vec<Option<(wgpu::BindGroup, Vec<u32>)>>> {
-        let kernel = self.kernel;
-        let mut made = Vec::with_capacity(kernel.groups.len());
-        for (index, layout) in kernel.groups.iter().enumerate() {
-            let Some(layout) = layout else {
-                made.push(None);
-                continue;
-            };
-            let bindings = kernel.reflection.bindings.iter().filter(|b| b.group == index as u32);
-            let (mut entries, mut offsets) = (Vec::new(), Vec::new());
-            for binding in bindings {
-                let place = self.place(binding, grid)?;
-                if binding.kind == BindingKind::Uniform {
-                    offsets.push(place.dynamic);
-                }
-                entries.push((binding.binding, place));
-            }
-            let gpu = &self.recorder.gpu;
-            let staging = &self.recorder.staging.raw;
-            let entries: Vec<_> = entries.iter().map(|(binding, place)| place.entry(*binding, staging)).collect();
-            let group = gpu.scoped(&format!("bindings of pass {:?}", self.stage), || {
-                gpu.device().create_bind_group(&wgpu::BindGroupDescriptor {
-                    label: Some(&self.stage),
-                    layout,
-                    entries: &entries,
-                })
-            })?;
-            made.push(Some((group, offsets)));
-        }
-        Ok(made)
-    }
-
-    fn place(&mut self, binding: &Binding, grid: Grid) -> Result<Place<'r>> {
-        let bound = self.bound.iter().find(|(name, _)| *name == binding.name).map(|(_, bound)| bound);
-        Ok(match bound {
-            Some(Bound::Buffer(slice)) => Place { slice: Some(*slice), dynamic: 0, bytes: slice.bytes },
-            Some(Bound::Uniform(data)) => {
-                let dynamic = self.recorder.staging.push(data)?;
-                Place { slice: None, dynamic, bytes: binding.min_bytes }
-            }
-            // Only `grid` may be left out; `check_bindings` has seen to that.
-            None => {
-                let dynamic = self.recorder.staging.push(bytemuck::bytes_of(&grid))?;
-                Place { slice: None, dynamic, bytes: binding.min_bytes }
-            }
-        })
-    }
-
-    fn check_bindings(&self) -> Result<()> {
-        let reflection = &self.kernel.reflection;
-        let names = || reflection.bindings.iter().map(|b| b.name.as_str()).collect::<Vec<_>>().join(", ");
-        for (index, (name, bound)) in self.bound.iter().enumerate() {
-            let Some(binding) = reflection.binding(name) else {
-                return Err(self.fault(&format!("has no binding {name:?}; it uses: {}", names())));
-            };
-            if self.bound[..index].iter().any(|(other, _)| other == name) {
-                return Err(self.fault(&format!("binds {name:?} twice")));
-            }
-            self.check_fit(binding, bound)?;
-        }
-        let given = |name: &str| self.bound.iter().any(|(n, _)| n == name);
-        match reflection.bindings.iter().find(|b| b.name != GRID && !given(&b.name)) {
-            Some(missing) => Err(self.fault(&format!("misses the binding {:?}; it uses: {}", missing.name, names()))),
-            None => Ok(()),
-        }
-    }
-
-    fn check_fit(&self, binding: &Binding, bound: &Bound<'_>) -> Result<()> {
-        let name = &binding.name;
-        let slice = match bound {
-            Bound::Uniform(_) if binding.kind != BindingKind::Uniform => {
-                return Err(self.fault(&format!("{name:?} is storage and needs a buffer")));
-            }
-            Bound::Uniform(data) if data.len() as u64 != binding.min_bytes => {
-                let (got, wanted) = (data.len(), binding.min_bytes);
-                return Err(self.fault(&format!("the uniform {name:?} has {wanted} bytes; {got} were given")));
-            }
-            Bound::Uniform(_) => return Ok(()),
-            Bound::Buffer(slice) => slice,
-        };
-        let limits = self.recorder.gpu.limits();
-        let (limit, limit_name) = match binding.kind {
-            BindingKind::Uniform => (limits.max_uniform_buffer_binding_size, "max_uniform_buffer_binding_size"),
-            _ => (limits.max_storage_buffer_binding_size, "max_storage_buffer_binding_size"),
-        };
-        let (label, bytes) = (slice.label, slice.bytes);
-        if (binding.kind == BindingKind::Uniform) != (slice.usage == Usage::Uniform) {
-            return Err(self.fault(&format!("{name:?} is {:?}, the buffer {label:?} is not", binding.kind)));
-        }
-        if bytes < binding.min_bytes {
-            let wanted = binding.min_bytes;
-            return Err(self.fault(&format!("{name:?} needs {wanted} bytes, the buffer {label:?} has {bytes}")));
-        }
-        if bytes > limit {
-            return Err(Error::Device(format!(
-                "buffer {label:?} has {bytes} bytes; this adapter binds at most {limit} ({limit_name})"
-            )));
-        }
-        let element = slice.element_bytes;
-        match binding.stride {
-            Some(stride) if !stride.is_multiple_of(element) && !element.is_multiple_of(stride) => {
-                Err(self.fault(&format!(
-                    "elements of {name:?} have {stride} bytes in the shader and {element} in the buffer {label:?}"
-                )))
-            }
-            _ => Ok(()),
-        }
-    }
-
-    fn fault(&self, message: &str) -> Error {
-        Error::Shader(format!("pass {:?} ({}) {message}", self.stage, self.kernel.label()))
-    }
-}
-
-/// Where the bytes of one binding lie.
-struct Place<'r> {
-    /// A buffer; `None`: staged uniforms.
-    slice: Option<Slice<'r>>,
-    dynamic: u32,
-    bytes: u64,
-}
-
-impl Place<'_> {
-    fn entry<'e>(&'e self, binding: u32, staging: &'e wgpu::Buffer) -> wgpu::BindGroupEntry<'e> {
-        let (buffer, offset) = self.slice.as_ref().map_or((staging, 0), |s| (s.raw, s.offset));
-        let size = wgpu::BufferSize::new(self.bytes);
-        wgpu::BindGroupEntry {
-            binding,
-            resource: wgpu::BindingResource::Buffer(wgpu::BufferBinding { buffer, offset, size }),
-        }
+    pub(crate) fn fault(&self, message: &str) -> Error {
+        Error::Shader(format!(
+            "pass {:?} ({}) {message}",
+            self.stage,
+            self.kernel.label()
+        ))
     }
 }
