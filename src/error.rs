@@ -1,24 +1,24 @@
-//! The one closed error type of the crate.
+//! The one error type of the crate; the Python border maps each kind to an exception class.
 
-/// What can go wrong; each variant is one exception class in Python.
+/// What can go wrong, by who can mend it.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 pub enum Error {
-    /// The scene, a mesh, a light or a camera is not usable; the text names the argument and its value.
+    /// The scene or the camera is not something that can be rendered.
     #[error("{0}")]
     Scene(String),
-    /// A setting is unknown or out of range.
+    /// A setting, an output or a resource name is unknown, out of range or not available.
     #[error("{0}")]
     Settings(String),
-    /// The adapter is missing, lost, out of memory or too small for the work.
+    /// The adapter is missing, was lost, or cannot hold what was asked of it.
     #[error("{0}")]
     Device(String),
-    /// A shader does not compile or was bound wrongly: a fault of ours, never of the user's.
+    /// A shader does not compile, or a pass binds something that the shader does not declare.
     #[error("{0}")]
     Shader(String),
-    /// The caller's cancel check asked to stop.
+    /// The caller asked to stop.
     #[error("the render was cancelled")]
     Cancelled,
 }
 
-/// Result with [`enum@Error`].
+/// The crate's result.
 pub type Result<T> = std::result::Result<T, Error>;
