@@ -44,8 +44,8 @@ class Instance:
         world_from_object: NDArray[np.float64],
         smooth: bool,
         albedo: tuple[float, float, float],
-        texture: Texture | None,
-        vertex_colors: bool,
+        texture: Texture | None = None,
+        vertex_colors: bool = False,
     ) -> Instance: ...
 
 @final
@@ -53,9 +53,9 @@ class AreaLight:
     def __new__(
         cls,
         name: str,
-        corner: NDArray[np.float64],
-        edge_u: NDArray[np.float64],
-        edge_v: NDArray[np.float64],
+        corner: tuple[float, float, float],
+        edge_u: tuple[float, float, float],
+        edge_v: tuple[float, float, float],
         radiance: tuple[float, float, float] | Texture,
         two_sided: bool,
         visible: bool,
@@ -67,8 +67,8 @@ class SpotLight:
     def __new__(
         cls,
         name: str,
-        position: NDArray[np.float64],
-        target: NDArray[np.float64],
+        position: tuple[float, float, float],
+        target: tuple[float, float, float],
         intensity: tuple[float, float, float],
         cutoff_degrees: float,
     ) -> SpotLight: ...

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import threading
+import time
 from collections.abc import Iterable, Mapping
 from contextlib import AbstractContextManager
 from pathlib import Path
@@ -61,6 +62,7 @@ class Frame:
         self._arrays = dict(arrays)
         self._fragments: Fragments | None = None
         self._stats = dict(stats)
+        self._readback_ms = float(stats["readback_ms"])
         self._settings = dict(settings)
         self._size = size
         self._source = source
@@ -159,7 +161,9 @@ class Frame:
         with self._lock:
             # another thread may have read it meanwhile
             if name not in self._arrays:
+                start = time.perf_counter()
                 self._arrays[name] = self._source.read(name)
+                self._readback_ms += 1000.0 * (time.perf_counter() - start)
         return self._arrays[name]
 
     def _read(self, names: Iterable[str]) -> None:
@@ -212,7 +216,7 @@ class Frame:
     @property
     def stats(self) -> Stats:
         """Times of the passes, counts, and what was left out or rebuilt."""
-        return Stats.from_dict(self._source.stats if self._source is not None else self._stats)
+        return Stats.from_dict(self._stats | {"readback_ms": self._readback_ms})
 
     # pictures and files
 
@@ -265,8 +269,10 @@ class Frame:
 
         Raises
         ------
-        SettingsError
+        SceneError
             If the suffix is none of these.
+        SettingsError
+            If `exposure` is no number, or given for a file that is no picture.
         OSError
             If the file cannot be written.
         """
@@ -288,13 +294,11 @@ class Frame:
 
         Raises
         ------
-        SettingsError
-            If the suffix is neither, or the file is not what its suffix says or cut short.
-        OSError
-            If there is no such file.
+        SceneError
+            If there is no such file, its suffix is neither, or it is not what its suffix says or cut short.
         """
         source = Path(path)
-        suffix = frame_files.checked_suffix(source, (".npz", ".exr"))
+        suffix = frame_files.checked_suffix(frame_files.checked_file(source), (".npz", ".exr"))
         read = frame_files.read_exr if suffix == ".exr" else frame_files.read_npz
         arrays, settings, stats, size = read(source)
         return cls(arrays, stats, settings, size, origin=f"loaded from {source.name}")

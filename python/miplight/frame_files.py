@@ -12,7 +12,7 @@ from typing import Any, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from .errors import SettingsError
+from .errors import SceneError
 from .validate import fail
 
 Parts: TypeAlias = tuple[dict[str, NDArray[Any]], dict[str, Any], dict[str, Any], tuple[int, int]]
@@ -37,13 +37,26 @@ def checked_suffix(path: Path, allowed: tuple[str, ...]) -> str:
 
     Raises
     ------
-    SettingsError
+    SceneError
         If it is none of `allowed`.
     """
     suffix = path.suffix.lower()
     if suffix not in allowed:
-        fail("path", str(path), f"a file name that ends in {', '.join(allowed)}", SettingsError)
+        fail("path", str(path), f"a file name that ends in {', '.join(allowed)}")
     return suffix
+
+
+def checked_file(path: Path) -> Path:
+    """`path`, if it is a file.
+
+    Raises
+    ------
+    SceneError
+        If it is not.
+    """
+    if not path.is_file():
+        fail("path", str(path), "a file that exists")
+    return path
 
 
 def write_npz(
@@ -67,7 +80,7 @@ def read_npz(path: Path) -> Parts:
 
     Raises
     ------
-    SettingsError
+    SceneError
         If the file is no such archive, or cut short.
     """
     try:
@@ -79,7 +92,7 @@ def read_npz(path: Path) -> Parts:
         width, height = about["size"]
         return arrays, about["settings"], about["stats"], (int(width), int(height))
     except (ValueError, KeyError, TypeError, EOFError, zipfile.BadZipFile) as error:
-        raise SettingsError(
+        raise SceneError(
             f"{path} is not a frame that Frame.save wrote, or is cut short: {error}"
         ) from error
 
@@ -104,21 +117,17 @@ def read_exr(path: Path) -> Parts:
 
     Raises
     ------
-    SettingsError
+    SceneError
         If it has no such channels, or is cut short.
-    OSError
-        If there is no such file.
     """
     import OpenEXR
 
-    if not path.is_file():
-        raise FileNotFoundError(f"there is no file {path}")
     try:
         with OpenEXR.File(str(path), separate_channels=True) as file:
             channels, header = file.channels(), file.header()
             image = np.stack([channels[name].pixels for name in "RGB"], axis=-1).astype(np.float32)
     except (RuntimeError, KeyError, ValueError, TypeError) as error:
-        raise SettingsError(f"{path} is not an EXR file with R, G and B, or is cut short: {error}") from error
+        raise SceneError(f"{path} is not an EXR file with R, G and B, or is cut short: {error}") from error
     settings = json.loads(header.get("miplight:settings", "{}"))
     stats = json.loads(header.get("miplight:stats", "null")) or _NO_STATS
     height, width = image.shape[:2]

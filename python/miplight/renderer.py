@@ -218,7 +218,7 @@ class Renderer:
 
 
 def adapters() -> list[dict[str, Any]]:
-    """The adapters of this machine, best first, as `Renderer.adapter` describes them."""
+    """The adapters of this machine, best first: name, backend, driver, device_type, software."""
     return [dict(adapter) for adapter in _core.adapters()]
 
 
