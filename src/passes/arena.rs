@@ -45,7 +45,7 @@ impl<T: Pod> Arena<T> {
         self.places.retain(|id, _| ids.contains(id));
         let new: usize = missing.iter().map(|(_, len)| len).sum();
         let capacity = self.buffer.as_ref().map_or(0, Buffer::len);
-        if self.used + new > capacity {
+        if self.buffer.is_none() || self.used + new > capacity {
             return self.repack(gpu, wanted, fill).map(|()| true);
         }
         for (id, len) in missing {

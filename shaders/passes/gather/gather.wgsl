@@ -40,7 +40,7 @@ fn main(
     for (var k = 0u; k < params.strata; k++) {
         var seen = true;
         if params.words != 0u {
-            seen = (visibility[i * params.words + k / 32u] >> (k % 32u) & 1u) != 0u;
+            seen = ((visibility[i * params.words + k / 32u] >> (k % 32u)) & 1u) != 0u;
         }
         let d = light_points[first + k].xyz - r.origin;
         let d2 = dot(d, d);

@@ -24,7 +24,7 @@ struct ReceiversParams {
 @group(0) @binding(2) var<storage, read> g_normal: array<vec4u>;
 @group(0) @binding(3) var<storage, read> g_geometric: array<vec4u>;
 @group(0) @binding(4) var<storage, read_write> receivers: array<Receiver>;
-@group(0) @binding(5) var<storage, read_write> active: array<atomic<u32>>;
+@group(0) @binding(5) var<storage, read_write> active_count: array<atomic<u32>>;
 
 var<workgroup> active_here: atomic<u32>;
 
@@ -57,6 +57,6 @@ fn main(
     }
     workgroupBarrier();
     if lane == 0u {
-        atomicAdd(&active[0], atomicLoad(&active_here));
+        atomicAdd(&active_count[0], atomicLoad(&active_here));
     }
 }

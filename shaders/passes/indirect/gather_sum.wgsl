@@ -26,7 +26,7 @@ fn main(
     var sum = vec3f(0.0);
     for (var s = 0u; s < wave.strata; s++) {
         let i = first + s * TILE_PIXELS;
-        if (occluded[i / 32u] >> (i % 32u) & 1u) == 0u {
+        if ((occluded[i / 32u] >> (i % 32u)) & 1u) == 0u {
             sum += paths[i].pending;
         }
         pixel = min(pixel, paths[i].pixel);

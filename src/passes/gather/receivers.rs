@@ -59,6 +59,6 @@ pub fn record(
         .bind("g_normal", &gbuffer.normal)
         .bind("g_geometric", &gbuffer.geometric)
         .bind("receivers", receivers)
-        .bind("active", active)
+        .bind("active_count", active)
         .dispatch(count)
 }
