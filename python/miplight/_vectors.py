@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["CHANGE", "format_color", "format_vector", "rgb", "unit"]
+__all__ = ["CHANGE", "format_color", "format_vector", "rgb", "unit", "xyz"]
 
 CHANGE = threading.Lock()
 """Held while a light reads its state, derives a new one and stores it, so that no change is lost."""
@@ -25,6 +25,12 @@ def rgb(color: NDArray[np.float32]) -> tuple[float, float, float]:
     """Return the first texel, or the colour, as three Python floats."""
     red, green, blue = (float(c) for c in color.reshape(-1)[:3])
     return (red, green, blue)
+
+
+def xyz(vector: NDArray[np.float64]) -> tuple[float, float, float]:
+    """Return a vector as three Python floats."""
+    x, y, z = (float(v) for v in vector)
+    return (x, y, z)
 
 
 def format_vector(values: NDArray[Any]) -> str:

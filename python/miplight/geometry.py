@@ -122,7 +122,7 @@ class Geometry:
 
     def used_positions(self) -> NDArray[np.float64]:
         """Return the vertices of the triangles whose corners are finite: (N, 3) float64."""
-        finite: NDArray[np.bool_] = np.isfinite(self.positions).all(axis=1)
+        finite: NDArray[np.bool_] = np.asarray(np.isfinite(self.positions).all(axis=1))
         used = np.zeros(len(self.positions), dtype=np.bool_)
         used[self.triangles[finite[self.triangles].all(axis=1)]] = True
         return self.positions[used]

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any, Literal, TypeAlias
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ._vectors import CHANGE, format_color, format_vector, rgb, unit
+from ._vectors import CHANGE, format_color, format_vector, rgb, unit, xyz
 from .spot import SpotLight
 from .validate import as_bool, as_choice, as_color_or_image, as_vector, fail
 
@@ -257,9 +257,8 @@ class AreaLight:
                 self._texture = cached
             radiance = cached[1]
         linear = state.filter == "linear"
-        return _core.AreaLight(
-            name, state.corner, state.edge_u, state.edge_v, radiance, state.two_sided, state.visible, linear
-        )
+        corner, edge_u, edge_v = xyz(state.corner), xyz(state.edge_u), xyz(state.edge_v)
+        return _core.AreaLight(name, corner, edge_u, edge_v, radiance, state.two_sided, state.visible, linear)
 
 
 def _check_parallelogram(

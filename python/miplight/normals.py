@@ -69,13 +69,14 @@ def mend_normals(
     """
     with np.errstate(over="ignore", invalid="ignore"):
         unit = _unit_rows(np.where(np.isfinite(normals).all(axis=1)[:, None], normals, 0.0))
-    missing = ~unit.any(axis=1)
+    missing: NDArray[np.bool_] = np.asarray(~unit.any(axis=1))
     if missing.any():
         unit[missing] = smooth_normals(positions, triangles)[missing]
         used = np.zeros(len(positions), dtype=np.bool_)
         used[triangles] = True
         mended = int((missing & used).sum())
-        unit[~unit.any(axis=1)] = (0.0, 0.0, 1.0)
+        still: NDArray[np.bool_] = np.asarray(~unit.any(axis=1))
+        unit[still] = (0.0, 0.0, 1.0)
     else:
         mended = 0
     return unit.astype(np.float32), mended

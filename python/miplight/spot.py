@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ._vectors import CHANGE, format_color, format_vector, rgb, unit
+from ._vectors import CHANGE, format_color, format_vector, rgb, unit, xyz
 from .validate import as_color, as_number, as_vector, fail
 
 if TYPE_CHECKING:
@@ -150,7 +150,9 @@ class SpotLight:
         from . import _core
 
         state = self._state
-        return _core.SpotLight(name, state.position, state.target, rgb(state.intensity), state.cutoff)
+        return _core.SpotLight(
+            name, xyz(state.position), xyz(state.target), rgb(state.intensity), state.cutoff
+        )
 
 
 def _check_axis(position: ArrayLike, target: ArrayLike) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
