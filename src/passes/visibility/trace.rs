@@ -1,6 +1,9 @@
 //! Answers ray lists. Two forms with the same answers: WGSL on a GPU, native on a software adapter.
 
 use std::sync::Arc;
+use std::sync::atomic::AtomicBool;
+
+use glam::{Affine3A, DMat4};
 
 use super::trace_native::{SampleTable, TraceInstance, TraceScene};
 use super::{Hit, Ray, Receiver};
@@ -8,6 +11,9 @@ use crate::error::Result;
 use crate::gpu::{Buffer, Gpu, Recorder};
 use crate::passes::lights::light_samples::LightSamples;
 use crate::scene::prepare::{Placed, Prepared};
+
+/// Lists are cut so that each is answered in about 0.1 s; between them the recorder asks whether to go on.
+static GO_ON: AtomicBool = AtomicBool::new(false);
 
 /// Answers rays in the form that suits the adapter.
 pub struct Tracer {
@@ -46,8 +52,7 @@ impl Tracer {
         if prepared.placed.iter().any(|p| !p.mesh.has_blas()) {
             built.push("bottom-level BVH");
         }
-        let instance =
-            |p: &Placed| TraceInstance { scene_from_object: p.scene_from_object, blas: Arc::clone(p.mesh.blas()) };
+        let instance = |p: &Placed| TraceInstance::new(affine(p.scene_from_object), Arc::clone(p.mesh.blas()));
         self.scene = TraceScene::new(prepared.placed.iter().map(instance).collect());
         built.push("top-level BVH");
         self.placed = placed;
@@ -67,10 +72,10 @@ impl Tracer {
         hits: &Buffer<Hit>,
         count: usize,
     ) -> Result<u64> {
-        recorder.host(stage, |gpu, cancel| {
+        recorder.host(stage, |gpu, _| {
             let rays = gpu.view(rays, 0..count)?;
             let mut answers = gpu.view_mut(hits, 0..count)?;
-            self.scene.closest(&rays, &mut answers, cancel);
+            self.scene.closest(&rays, &mut answers, &GO_ON);
             answers.commit(gpu)?;
             Ok(active(&rays))
         })
@@ -88,10 +93,10 @@ impl Tracer {
         occluded: &Buffer<u32>,
         count: usize,
     ) -> Result<u64> {
-        recorder.host(stage, |gpu, cancel| {
+        recorder.host(stage, |gpu, _| {
             let rays = gpu.view(rays, 0..count)?;
             let mut answers = gpu.view_mut(occluded, 0..count.div_ceil(32))?;
-            self.scene.any(&rays, &mut answers, cancel);
+            self.scene.any(&rays, &mut answers, &GO_ON);
             answers.commit(gpu)?;
             Ok(active(&rays))
         })
@@ -111,7 +116,7 @@ impl Tracer {
         count: usize,
     ) -> Result<u64> {
         let words = light.strata.div_ceil(32) as usize;
-        recorder.host(stage, |gpu, cancel| {
+        recorder.host(stage, |gpu, _| {
             let points = gpu.view(&light.points, 0..light.points.len())?;
             let receivers = gpu.view(receivers, 0..count)?;
             let mut answers = gpu.view_mut(visibility, 0..count * words)?;
@@ -123,7 +128,7 @@ impl Tracer {
                 cone_axis: light.normal.to_array(),
                 cos_cutoff: light.cos_cutoff,
             };
-            let rays = self.scene.shadow(&receivers, &table, &mut answers, cancel);
+            let rays = self.scene.shadow(&receivers, &table, &mut answers, &GO_ON);
             answers.commit(gpu)?;
             Ok(rays)
         })
@@ -134,11 +139,16 @@ impl Tracer {
     /// # Errors
     /// `Device`.
     pub fn miss_all(&self, recorder: &mut Recorder<'_>, hits: &Buffer<Hit>) -> Result<()> {
-        let miss = Hit { t: 0.0, u: 0.0, v: 0.0, instance: u32::MAX, triangle: u32::MAX };
-        hits.write(recorder.gpu(), 0, &vec![miss; hits.len()])
+        hits.write(recorder.gpu(), 0, &vec![Hit::MISS; hits.len()])
     }
 }
 
 fn active(rays: &[Ray]) -> u64 {
     rays.iter().filter(|ray| ray.t_max > ray.t_min).count() as u64
+}
+
+/// Rounded once, from float64 (N7).
+fn affine(m: DMat4) -> Affine3A {
+    let [x, y, z, w] = [m.x_axis, m.y_axis, m.z_axis, m.w_axis].map(|c| c.truncate().as_vec3());
+    Affine3A::from_cols(x.into(), y.into(), z.into(), w.into())
 }

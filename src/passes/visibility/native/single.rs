@@ -78,9 +78,7 @@ fn block<I: Isa, const ANY: bool>(
     state: &mut State,
     instance: u32,
 ) -> bool {
-    let corner = |vertex: usize| {
-        [0, 1, 2].map(|i| I::Block::load(&block.corner[vertex][ray.axes[i]]) - ray.origin[i])
-    };
+    let corner = |vertex: usize| [0, 1, 2].map(|i| I::Block::load(&block.corner[vertex][ray.axes[i]]) - ray.origin[i]);
     let all = <I::Block as Lanes>::M::from_bits(15);
     let Some(crossing) = cross(corner(0), corner(1), corner(2), &ray.shear, all) else { return false };
     let end = I::Block::splat(state.t.0[lane]);
