@@ -2,6 +2,7 @@
 
 mod error;
 mod frame;
+mod kernel;
 mod renderer;
 mod scene;
 mod settings;
@@ -19,6 +20,7 @@ fn _core(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_class::<scene::PySnapshot>()?;
     module.add_class::<renderer::PyRenderer>()?;
     module.add_class::<frame::PyFrame>()?;
+    module.add_class::<kernel::PyKernelRunner>()?;
     module.add_function(wrap_pyfunction!(renderer::adapters, module)?)?;
     module.add_function(wrap_pyfunction!(settings::setting_specs, module)?)?;
     module.add_function(wrap_pyfunction!(settings::presets, module)?)?;
