@@ -1,4 +1,4 @@
-"""Shared by all tests: the adapter, one renderer, a small room, and the rule that nothing is skipped silently."""
+"""Shared by all tests: the adapter, one renderer, a small room, and the rule that no skip is silent."""
 
 from __future__ import annotations
 
@@ -6,10 +6,11 @@ import os
 from collections.abc import Generator, Iterator
 from pathlib import Path
 
-import miplight as ml
 import numpy as np
 import pytest
 import trimesh
+
+import miplight as ml
 
 os.environ.setdefault("MPLBACKEND", "Agg")  # no test opens a window
 

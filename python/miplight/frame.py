@@ -58,6 +58,7 @@ class Frame:
         source: _core.Frame | None = None,
         lock: AbstractContextManager[Any] | None = None,
         origin: str = "",
+        lost: Iterable[str] = (),
     ) -> None:
         self._arrays = dict(arrays)
         self._fragments: Fragments | None = None
@@ -69,6 +70,7 @@ class Frame:
         self._lock = lock or threading.Lock()
         self._process = os.getpid()
         self._origin = origin
+        self._lost = tuple(lost)
 
     # images
 
@@ -132,7 +134,7 @@ class Frame:
     @property
     def names(self) -> tuple[str, ...]:
         """The arrays that the frame has: outputs and kept resources."""
-        there = dict.fromkeys(self._arrays)
+        there = dict.fromkeys((*self._arrays, *self._lost))
         if self._source is not None:
             there |= dict.fromkeys(self._source.names)
         return tuple(there)
@@ -155,7 +157,7 @@ class Frame:
             where = f" ({self._origin})" if self._origin else ""
             raise SettingsError(f"{unknown('array', name, self.names)}{where}")
         if self._source is None:
-            raise DeviceError(f"{name!r} was not read before the frame left its renderer")
+            raise DeviceError(f"{name!r} was not read before the frame was saved or pickled")
         if os.getpid() != self._process:
             raise DeviceError(f"{name!r} was not read before this process was forked")
         with self._lock:
@@ -304,8 +306,10 @@ class Frame:
         return cls(arrays, stats, settings, size, origin=f"loaded from {source.name}")
 
     def __getstate__(self) -> dict[str, Any]:
+        arrays = self._read_all()
         return {
-            "arrays": self._read_all(),
+            "arrays": arrays,
+            "lost": [name for name in self.names if name not in arrays],
             "stats": self.stats.to_dict(),
             "settings": self._settings,
             "size": self._size,

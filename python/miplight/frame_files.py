@@ -84,7 +84,7 @@ def read_npz(path: Path) -> Parts:
         If the file is no such archive, or cut short.
     """
     try:
-        with np.load(path, allow_pickle=False) as archive:
+        with path.open("rb") as file, np.load(file, allow_pickle=False) as archive:
             about = json.loads(str(archive["about"]))
             arrays = {key.removeprefix("array:"): archive[key] for key in archive.files if key != "about"}
         if about["format"] != _FORMAT:
@@ -92,9 +92,7 @@ def read_npz(path: Path) -> Parts:
         width, height = about["size"]
         return arrays, about["settings"], about["stats"], (int(width), int(height))
     except (ValueError, KeyError, TypeError, EOFError, zipfile.BadZipFile) as error:
-        raise SceneError(
-            f"{path} is not a frame that Frame.save wrote, or is cut short: {error}"
-        ) from error
+        raise SceneError(f"{path} is not a frame that Frame.save wrote, or is cut short: {error}") from error
 
 
 def write_exr(
@@ -124,7 +122,7 @@ def read_exr(path: Path) -> Parts:
 
     try:
         with OpenEXR.File(str(path), separate_channels=True) as file:
-            channels, header = file.channels(), file.header()
+            channels, header = file.channels(), dict(file.header())
             image = np.stack([channels[name].pixels for name in "RGB"], axis=-1).astype(np.float32)
     except (RuntimeError, KeyError, ValueError, TypeError) as error:
         raise SceneError(f"{path} is not an EXR file with R, G and B, or is cut short: {error}") from error

@@ -6,12 +6,13 @@ import io
 import pickle
 from pathlib import Path
 
-import miplight as ml
 import numpy as np
 import pytest
+from PIL import Image
+
+import miplight as ml
 from miplight import notebook
 from miplight.fragments import Fragments
-from PIL import Image
 
 SHAPES = {
     "image": (3, np.float32),

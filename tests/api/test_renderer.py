@@ -12,10 +12,11 @@ import textwrap
 import threading
 import time
 
-import miplight as ml
 import numpy as np
 import pytest
 import trimesh
+
+import miplight as ml
 from miplight import one_call
 
 
@@ -53,7 +54,7 @@ def test_default_settings_are_the_default_preset(
 def test_what_a_render_refuses(renderer: ml.Renderer, room: ml.Scene, camera: ml.Camera) -> None:
     with pytest.raises(ml.SceneError, match="scene is .*miplight.Scene"):
         renderer.render(trimesh.creation.box(), camera)
-    with pytest.raises(ml.SceneError, match="camera is .*miplight.Camera"):
+    with pytest.raises(ml.SceneError, match="(?s)camera is .*miplight.Camera"):
         renderer.render(room, np.eye(4))  # type: ignore[arg-type]
     with pytest.raises(ml.SettingsError, match="settings is 3"):
         renderer.render(room, camera, 3)  # type: ignore[arg-type]
@@ -93,7 +94,8 @@ def test_plan_lists_every_pass_with_a_reason(
         assert reason in plan._repr_html_()
     with ml.Renderer(renderer.adapter["name"]) as fresh:
         stats = fresh.render(room, camera, quick).stats
-    assert set(stats.stages) <= set(plan.passes)
+    # passes have a folder in their name; the others are the host's own work
+    assert [name for name in stats.stages if "/" in name] == list(plan.passes)
     assert stats.skipped == plan.skipped
 
 

@@ -9,11 +9,12 @@ import pickle
 from dataclasses import FrozenInstanceError
 from typing import Any
 
-import miplight as ml
 import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+
+import miplight as ml
 from miplight import _core
 from miplight._table import KNOBS, PRESETS, Knob
 
