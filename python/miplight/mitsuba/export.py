@@ -105,7 +105,7 @@ def to_dict(
 
 
 def integrator_dict(max_depth: int) -> dict[str, Any]:
-    """Pick light sampling alone for direct light, the path tracer for more, no Russian roulette."""
+    """Pick light sampling alone for direct light, the path tracer without roulette for more."""
     if max_depth == 2:
         return {"type": "direct", "emitter_samples": 1, "bsdf_samples": 0}
     return {"type": "path", "max_depth": max_depth, "rr_depth": max_depth + 1}

@@ -104,8 +104,8 @@ def pick_variant() -> str:
         _picked = "scalar_rgb" if problem else "llvm_ad_rgb"
         if problem:
             warnings.warn(
-                f"Mitsuba runs in its scalar variant, some hundred times slower: {problem}. Install LLVM 17 or "
-                "newer (Debian: libllvm19), or set DRJIT_LIBLLVM_PATH to it before Mitsuba is first used.",
+                f"Mitsuba runs in its scalar variant, hundreds of times slower: {problem}. Install LLVM 17 "
+                "or newer (Debian: libllvm19), or set DRJIT_LIBLLVM_PATH to it before Mitsuba is first used.",
                 stacklevel=3,
             )
     return _picked
