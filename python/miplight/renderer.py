@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 
     from .scene import Scene
 
-DEFAULT_OUTPUTS = ("image", "fragments", "statistics")
+DEFAULT_OUTPUTS = ("image", "fragments", "statistics", "light_mask", "surface_mask")
 
 _warned = threading.Lock()
 
