@@ -75,7 +75,7 @@ fn expected(case: &Case, table: &SampleTable) -> Vec<(usize, Ray, Option<bool>)>
                 tests.push(-along(table.light_normal));
             }
             if table.cos_cutoff > -1.0 {
-                tests.push(along(table.cone_axis) - f64::from(table.cos_cutoff));
+                tests.push(-along(table.cone_axis) - f64::from(table.cos_cutoff));
             }
             let slack = tests.into_iter().fold(f64::INFINITY, f64::min);
             let ray = Ray { origin: r.origin, t_min: 0.0, direction: d.into(), t_max: p[3] };
