@@ -77,7 +77,7 @@ fn wrong(objects: &[Object], rays: &[Ray], hits: &[Hit]) -> usize {
         } else {
             hit.is_hit() && (f64::from(hit.t) - reference.t).abs() <= 2e-5 * reference.t.max(0.1)
         };
-        !same && reference.margin > 1e-4
+        !same && reference.margin > 1e-3
     };
     rays.iter().zip(hits).filter(|&pair| differs(pair)).count()
 }
@@ -151,7 +151,7 @@ fn all_widths_give_the_same_bits_and_any_agrees_with_closest() {
     }
     // Control: other rays, other bits.
     let mut other = rays.clone();
-    other.swap(0, 5);
+    other.swap(0, 1);
     assert_ne!(closest(&scene(&objects, widths[0]), &other)[..6], first[..6]);
 }
 

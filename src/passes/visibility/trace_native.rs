@@ -86,7 +86,7 @@ pub struct SampleTable<'a> {
     pub light_normal: [f32; 3],
     /// Both sides emit; also true for spots.
     pub two_sided: bool,
-    /// Unit axis of the cone, away from the light.
+    /// Unit axis of the cone, from the light into the scene.
     pub cone_axis: [f32; 3],
     /// Cosine of the cone's half-angle; -2: no cone.
     pub cos_cutoff: f32,
@@ -200,7 +200,7 @@ impl TraceScene {
     ///
     /// `bits` holds `table.words()` words per receiver. Bit `k` is set when stratum `k` faces the surface (`dot(n_geo, d)
     /// > 0` and `dot(n_shade, d) > 0` with `d = point - origin`), the light emits towards it (`dot(light_normal, -d) > 0`
-    /// or two-sided; inside the cone) and nothing is in between (`t` in (0, w)). Only rays that pass the facing tests are
+    /// or two-sided; `dot(cone_axis, -d) >= cos_cutoff |d|`) and nothing is in between (`t` in (0, w)). Only rays that pass the facing tests are
     /// traced. An inactive receiver, or one whose pattern is not in the table, gets no bit.
     ///
     /// # Panics

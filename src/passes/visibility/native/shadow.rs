@@ -54,7 +54,7 @@ fn facing<P: Lanes>(table: &SampleTable, direction: &[Row; 3], points: &Points) 
     }
     if table.cos_cutoff > -1.0 {
         let limit = P::splat(table.cos_cutoff) * dot(d, d).sqrt();
-        mask = mask.and(limit.le(dot(table.cone_axis.map(P::splat), d)));
+        mask = mask.and(limit.le(zero - dot(table.cone_axis.map(P::splat), d)));
     }
     mask.bits()
 }
