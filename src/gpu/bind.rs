@@ -17,11 +17,7 @@ impl<'r> Pass<'r, '_> {
                 made.push(None);
                 continue;
             };
-            let bindings = kernel
-                .reflection
-                .bindings
-                .iter()
-                .filter(|b| b.group == index as u32);
+            let bindings = kernel.reflection.bindings.iter().filter(|b| b.group == index as u32);
             let (mut entries, mut offsets) = (Vec::new(), Vec::new());
             for binding in bindings {
                 let place = self.place(binding, grid)?;
@@ -32,10 +28,7 @@ impl<'r> Pass<'r, '_> {
             }
             let gpu = &self.recorder.gpu;
             let staging = &self.recorder.staging.raw;
-            let entries: Vec<_> = entries
-                .iter()
-                .map(|(binding, place)| place.entry(*binding, staging))
-                .collect();
+            let entries: Vec<_> = entries.iter().map(|(binding, place)| place.entry(*binding, staging)).collect();
             let group = gpu.scoped(&format!("bindings of pass {:?}", self.stage), || {
                 gpu.device().create_bind_group(&wgpu::BindGroupDescriptor {
                     label: Some(&self.stage),
@@ -49,47 +42,24 @@ impl<'r> Pass<'r, '_> {
     }
 
     fn place(&mut self, binding: &Binding, grid: Grid) -> Result<Place<'r>> {
-        let bound = self
-            .bound
-            .iter()
-            .find(|(name, _)| *name == binding.name)
-            .map(|(_, bound)| bound);
+        let bound = self.bound.iter().find(|(name, _)| *name == binding.name).map(|(_, bound)| bound);
         Ok(match bound {
-            Some(Bound::Buffer(slice)) => Place {
-                slice: Some(*slice),
-                dynamic: 0,
-                bytes: slice.bytes,
-            },
+            Some(Bound::Buffer(slice)) => Place { slice: Some(*slice), dynamic: 0, bytes: slice.bytes },
             Some(Bound::Uniform(data)) => {
                 let dynamic = self.recorder.staging.push(data)?;
-                Place {
-                    slice: None,
-                    dynamic,
-                    bytes: binding.min_bytes,
-                }
+                Place { slice: None, dynamic, bytes: binding.min_bytes }
             }
             // Only `grid` may be left out; `check_bindings` has seen to that.
             None => {
                 let dynamic = self.recorder.staging.push(bytemuck::bytes_of(&grid))?;
-                Place {
-                    slice: None,
-                    dynamic,
-                    bytes: binding.min_bytes,
-                }
+                Place { slice: None, dynamic, bytes: binding.min_bytes }
             }
         })
     }
 
     pub(crate) fn check_bindings(&self) -> Result<()> {
         let reflection = &self.kernel.reflection;
-        let names = || {
-            reflection
-                .bindings
-                .iter()
-                .map(|b| b.name.as_str())
-                .collect::<Vec<_>>()
-                .join(", ")
-        };
+        let names = || reflection.bindings.iter().map(|b| b.name.as_str()).collect::<Vec<_>>().join(", ");
         for (index, (name, bound)) in self.bound.iter().enumerate() {
             let Some(binding) = reflection.binding(name) else {
                 return Err(self.fault(&format!("has no binding {name:?}; it uses: {}", names())));
@@ -100,16 +70,8 @@ impl<'r> Pass<'r, '_> {
             self.check_fit(binding, bound)?;
         }
         let given = |name: &str| self.bound.iter().any(|(n, _)| n == name);
-        match reflection
-            .bindings
-            .iter()
-            .find(|b| b.name != GRID && !given(&b.name))
-        {
-            Some(missing) => Err(self.fault(&format!(
-                "misses the binding {:?}; it uses: {}",
-                missing.name,
-                names()
-            ))),
+        match reflection.bindings.iter().find(|b| b.name != GRID && !given(&b.name)) {
+            Some(missing) => Err(self.fault(&format!("misses the binding {:?}; it uses: {}", missing.name, names()))),
             None => Ok(()),
         }
     }
@@ -122,36 +84,23 @@ impl<'r> Pass<'r, '_> {
             }
             Bound::Uniform(data) if data.len() as u64 != binding.min_bytes => {
                 let (got, wanted) = (data.len(), binding.min_bytes);
-                return Err(self.fault(&format!(
-                    "the uniform {name:?} has {wanted} bytes; {got} were given"
-                )));
+                return Err(self.fault(&format!("the uniform {name:?} has {wanted} bytes; {got} were given")));
             }
             Bound::Uniform(_) => return Ok(()),
             Bound::Buffer(slice) => slice,
         };
         let limits = self.recorder.gpu.limits();
         let (limit, limit_name) = match binding.kind {
-            BindingKind::Uniform => (
-                limits.max_uniform_buffer_binding_size,
-                "max_uniform_buffer_binding_size",
-            ),
-            _ => (
-                limits.max_storage_buffer_binding_size,
-                "max_storage_buffer_binding_size",
-            ),
+            BindingKind::Uniform => (limits.max_uniform_buffer_binding_size, "max_uniform_buffer_binding_size"),
+            _ => (limits.max_storage_buffer_binding_size, "max_storage_buffer_binding_size"),
         };
         let (label, bytes) = (slice.label, slice.bytes);
         if (binding.kind == BindingKind::Uniform) != (slice.usage == Usage::Uniform) {
-            return Err(self.fault(&format!(
-                "{name:?} is {:?}, the buffer {label:?} is not",
-                binding.kind
-            )));
+            return Err(self.fault(&format!("{name:?} is {:?}, the buffer {label:?} is not", binding.kind)));
         }
         if bytes < binding.min_bytes {
             let wanted = binding.min_bytes;
-            return Err(self.fault(&format!(
-                "{name:?} needs {wanted} bytes, the buffer {label:?} has {bytes}"
-            )));
+            return Err(self.fault(&format!("{name:?} needs {wanted} bytes, the buffer {label:?} has {bytes}")));
         }
         if bytes > limit {
             return Err(Error::Device(format!(
@@ -180,18 +129,11 @@ struct Place<'r> {
 
 impl Place<'_> {
     fn entry<'e>(&'e self, binding: u32, staging: &'e wgpu::Buffer) -> wgpu::BindGroupEntry<'e> {
-        let (buffer, offset) = self
-            .slice
-            .as_ref()
-            .map_or((staging, 0), |s| (s.raw, s.offset));
+        let (buffer, offset) = self.slice.as_ref().map_or((staging, 0), |s| (s.raw, s.offset));
         let size = wgpu::BufferSize::new(self.bytes);
         wgpu::BindGroupEntry {
             binding,
-            resource: wgpu::BindingResource::Buffer(wgpu::BufferBinding {
-                buffer,
-                offset,
-                size,
-            }),
+            resource: wgpu::BindingResource::Buffer(wgpu::BufferBinding { buffer, offset, size }),
         }
     }
 }

@@ -32,9 +32,7 @@ impl AdapterFacts {
         Self {
             name: info.name.clone(),
             backend: info.backend.to_string(),
-            driver: format!("{} {}", info.driver, info.driver_info)
-                .trim()
-                .to_string(),
+            driver: format!("{} {}", info.driver, info.driver_info).trim().to_string(),
             device_type: match info.device_type {
                 wgpu::DeviceType::DiscreteGpu => "discrete",
                 wgpu::DeviceType::IntegratedGpu => "integrated",
@@ -69,18 +67,12 @@ fn instance() -> wgpu::Instance {
 fn enumerate(instance: &wgpu::Instance) -> Vec<wgpu::Adapter> {
     let found = pollster::block_on(instance.enumerate_adapters(wgpu::Backends::all()));
     let computes = wgpu::DownlevelFlags::COMPUTE_SHADERS;
-    found
-        .into_iter()
-        .filter(|a| a.get_downlevel_capabilities().flags.contains(computes))
-        .collect()
+    found.into_iter().filter(|a| a.get_downlevel_capabilities().flags.contains(computes)).collect()
 }
 
 /// All adapters of this machine that can run compute shaders.
 pub fn adapters() -> Vec<AdapterFacts> {
-    enumerate(&instance())
-        .iter()
-        .map(|a| AdapterFacts::of(&a.get_info()))
-        .collect()
+    enumerate(&instance()).iter().map(|a| AdapterFacts::of(&a.get_info())).collect()
 }
 
 /// Picks an adapter: `"auto"` (discrete, integrated, virtual, then software), `"gpu"` (no software),
@@ -96,11 +88,7 @@ pub fn choose(adapters: &[AdapterFacts], wanted: &str) -> Result<usize> {
         "cpu" => a.software(),
         name => !name.is_empty() && a.name.to_lowercase().contains(name),
     };
-    let best = adapters
-        .iter()
-        .enumerate()
-        .filter(|(_, a)| fits(a))
-        .min_by_key(|(_, a)| a.rank());
+    let best = adapters.iter().enumerate().filter(|(_, a)| fits(a)).min_by_key(|(_, a)| a.rank());
     best.map(|(index, _)| index).ok_or_else(|| {
         let list: Vec<String> =
             adapters.iter().map(|a| format!("\"{}\" ({}, {})", a.name, a.device_type, a.backend)).collect();
@@ -148,9 +136,7 @@ impl Drop for Shared {
 
 /// A lock whose poisoning is ignored: what it guards is valid after any panic.
 pub(crate) fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
-    mutex
-        .lock()
-        .unwrap_or_else(|poisoned| poisoned.into_inner())
+    mutex.lock().unwrap_or_else(|poisoned| poisoned.into_inner())
 }
 
 fn wanted_features(adapter: &wgpu::Adapter, software: bool) -> wgpu::Features {
@@ -170,10 +156,7 @@ impl Gpu {
     pub fn new(wanted: &str) -> Result<Self> {
         let instance = instance();
         let found = enumerate(&instance);
-        let facts: Vec<_> = found
-            .iter()
-            .map(|a| AdapterFacts::of(&a.get_info()))
-            .collect();
+        let facts: Vec<_> = found.iter().map(|a| AdapterFacts::of(&a.get_info())).collect();
         let index = choose(&facts, wanted)?;
         let (adapter, facts) = (&found[index], facts[index].clone());
         let features = wanted_features(adapter, facts.software());
@@ -184,12 +167,8 @@ impl Gpu {
             required_limits: limits.clone(),
             ..Default::default()
         });
-        let (device, queue) = pollster::block_on(request).map_err(|e| {
-            Error::Device(format!(
-                "the adapter \"{}\" cannot be opened: {e}",
-                facts.name
-            ))
-        })?;
+        let (device, queue) = pollster::block_on(request)
+            .map_err(|e| Error::Device(format!("the adapter \"{}\" cannot be opened: {e}", facts.name)))?;
         let (lost, stray) = watch(&device);
         Ok(Self(Arc::new(Shared {
             queries: QueryPool::new(&device, &queue),
@@ -262,18 +241,12 @@ impl Gpu {
 
     pub(crate) fn wait_for(&self, index: Option<wgpu::SubmissionIndex>) -> Result<()> {
         self.check()?;
-        let poll = wgpu::PollType::Wait {
-            submission_index: index,
-            timeout: Some(HANG),
-        };
+        let poll = wgpu::PollType::Wait { submission_index: index, timeout: Some(HANG) };
         let polled = self.scoped("waiting for the device", || self.device().poll(poll))?;
         self.check()?;
-        polled.map(|_| ()).map_err(|e| {
-            Error::Device(format!(
-                "the device did not answer for {} s: {e}",
-                HANG.as_secs()
-            ))
-        })
+        polled
+            .map(|_| ())
+            .map_err(|e| Error::Device(format!("the device did not answer for {} s: {e}", HANG.as_secs())))
     }
 
     /// Destroys the device; every later use is an [`Error::Device`].
@@ -306,9 +279,7 @@ impl Gpu {
 
     /// True when storage buffers can be lent to host code without a copy.
     pub fn mappable(&self) -> bool {
-        self.0
-            .features
-            .contains(wgpu::Features::MAPPABLE_PRIMARY_BUFFERS)
+        self.0.features.contains(wgpu::Features::MAPPABLE_PRIMARY_BUFFERS)
     }
 
     /// Bytes in buffers that are alive now.
@@ -321,26 +292,11 @@ impl Gpu {
         let l = &self.0.limits;
         vec![
             ("max_buffer_size", l.max_buffer_size),
-            (
-                "max_storage_buffer_binding_size",
-                l.max_storage_buffer_binding_size,
-            ),
-            (
-                "max_storage_buffers_per_shader_stage",
-                l.max_storage_buffers_per_shader_stage.into(),
-            ),
-            (
-                "max_compute_workgroups_per_dimension",
-                l.max_compute_workgroups_per_dimension.into(),
-            ),
-            (
-                "max_compute_invocations_per_workgroup",
-                l.max_compute_invocations_per_workgroup.into(),
-            ),
-            (
-                "max_texture_dimension_2d",
-                l.max_texture_dimension_2d.into(),
-            ),
+            ("max_storage_buffer_binding_size", l.max_storage_buffer_binding_size),
+            ("max_storage_buffers_per_shader_stage", l.max_storage_buffers_per_shader_stage.into()),
+            ("max_compute_workgroups_per_dimension", l.max_compute_workgroups_per_dimension.into()),
+            ("max_compute_invocations_per_workgroup", l.max_compute_invocations_per_workgroup.into()),
+            ("max_texture_dimension_2d", l.max_texture_dimension_2d.into()),
         ]
     }
 

@@ -43,12 +43,7 @@ impl Gpu {
     ///
     /// # Errors
     /// [`Error::Shader`] with file and line when it does not compile.
-    pub fn kernel(
-        &self,
-        stem: &str,
-        entry: &str,
-        overrides: &[(&str, f64)],
-    ) -> Result<Arc<Kernel>> {
+    pub fn kernel(&self, stem: &str, entry: &str, overrides: &[(&str, f64)]) -> Result<Arc<Kernel>> {
         self.kernel_of(stem, None, entry, overrides)
     }
 
@@ -66,21 +61,12 @@ impl Gpu {
         self.kernel_of(stem, Some(text), entry, overrides)
     }
 
-    fn kernel_of(
-        &self,
-        stem: &str,
-        text: Option<&str>,
-        entry: &str,
-        overrides: &[(&str, f64)],
-    ) -> Result<Arc<Kernel>> {
+    fn kernel_of(&self, stem: &str, text: Option<&str>, entry: &str, overrides: &[(&str, f64)]) -> Result<Arc<Kernel>> {
         self.check()?;
         let key = KernelKey {
             stem: stem.to_string(),
             entry: entry.to_string(),
-            overrides: overrides
-                .iter()
-                .map(|(n, v)| (n.to_string(), v.to_bits()))
-                .collect(),
+            overrides: overrides.iter().map(|(n, v)| (n.to_string(), v.to_bits())).collect(),
             text: text.map(str::to_string),
         };
         if let Some(kernel) = lock(&self.shared().kernels).get(&key) {
@@ -88,19 +74,10 @@ impl Gpu {
         }
         // Not under the lock: compilation takes long, and making one twice is harmless.
         let kernel = Arc::new(self.make_kernel(stem, text, entry, overrides)?);
-        Ok(lock(&self.shared().kernels)
-            .entry(key)
-            .or_insert(kernel)
-            .clone())
+        Ok(lock(&self.shared().kernels).entry(key).or_insert(kernel).clone())
     }
 
-    fn make_kernel(
-        &self,
-        stem: &str,
-        text: Option<&str>,
-        entry: &str,
-        overrides: &[(&str, f64)],
-    ) -> Result<Kernel> {
+    fn make_kernel(&self, stem: &str, text: Option<&str>, entry: &str, overrides: &[(&str, f64)]) -> Result<Kernel> {
         let compiled = shader::compile(stem, text)?;
         let reflection = Reflection::of(&compiled, entry, overrides)?;
         let label = format!("{stem}::{entry}");
@@ -118,8 +95,7 @@ impl Gpu {
                 source: wgpu::ShaderSource::Wgsl(compiled.wgsl.as_str().into()),
             });
             let groups = group_layouts(device, &label, &reflection.bindings);
-            let refs: Vec<Option<&wgpu::BindGroupLayout>> =
-                groups.iter().map(Option::as_ref).collect();
+            let refs: Vec<Option<&wgpu::BindGroupLayout>> = groups.iter().map(Option::as_ref).collect();
             let layout = device.create_pipeline_layout(&wgpu::PipelineLayoutDescriptor {
                 label: Some(&label),
                 bind_group_layouts: &refs,
@@ -130,10 +106,7 @@ impl Gpu {
                 layout: Some(&layout),
                 module: &module,
                 entry_point: Some(entry),
-                compilation_options: wgpu::PipelineCompilationOptions {
-                    constants: overrides,
-                    ..Default::default()
-                },
+                compilation_options: wgpu::PipelineCompilationOptions { constants: overrides, ..Default::default() },
                 // Drivers keep compiled code on disk themselves; within the process, `kernels` does.
                 cache: None,
             });
@@ -143,28 +116,15 @@ impl Gpu {
             Error::Device(message) => Error::Shader(message),
             other => other,
         })?;
-        Ok(Kernel {
-            pipeline,
-            groups,
-            reflection,
-            label,
-        })
+        Ok(Kernel { pipeline, groups, reflection, label })
     }
 }
 
-fn group_layouts(
-    device: &wgpu::Device,
-    label: &str,
-    bindings: &[Binding],
-) -> Vec<Option<wgpu::BindGroupLayout>> {
+fn group_layouts(device: &wgpu::Device, label: &str, bindings: &[Binding]) -> Vec<Option<wgpu::BindGroupLayout>> {
     let count = bindings.iter().map(|b| b.group + 1).max().unwrap_or(0);
     (0..count)
         .map(|group| {
-            let entries: Vec<_> = bindings
-                .iter()
-                .filter(|b| b.group == group)
-                .map(layout_entry)
-                .collect();
+            let entries: Vec<_> = bindings.iter().filter(|b| b.group == group).map(layout_entry).collect();
             (!entries.is_empty()).then(|| {
                 device.create_bind_group_layout(&wgpu::BindGroupLayoutDescriptor {
                     label: Some(label),
@@ -183,9 +143,7 @@ fn layout_entry(binding: &Binding) -> wgpu::BindGroupLayoutEntry {
         ty: wgpu::BindingType::Buffer {
             ty: match binding.kind {
                 BindingKind::Uniform => wgpu::BufferBindingType::Uniform,
-                kind => wgpu::BufferBindingType::Storage {
-                    read_only: kind == BindingKind::ReadOnly,
-                },
+                kind => wgpu::BufferBindingType::Storage { read_only: kind == BindingKind::ReadOnly },
             },
             // Uniforms are staged many to one buffer, so their place is chosen at each dispatch.
             has_dynamic_offset: uniform,

@@ -55,33 +55,20 @@ macro_rules! host_layout {
 pub fn shader_layout(stem: &str, name: &str) -> Result<Layout> {
     let text = shader::compile(stem, None)?;
     let mut layouter = Layouter::default();
-    layouter
-        .update(text.module.to_ctx())
-        .map_err(|e| Error::Shader(format!("shaders/{stem}.wgsl: {e}")))?;
-    let found = text
-        .module
-        .types
-        .iter()
-        .find_map(|(_, ty)| match &ty.inner {
-            TypeInner::Struct { members, span }
-                if ty.name.as_deref().map(plain_name) == Some(name) =>
-            {
-                Some((members, *span as usize))
-            }
-            _ => None,
-        });
-    let (members, size) = found
-        .ok_or_else(|| Error::Shader(format!("shaders/{stem}.wgsl has no struct {name:?}")))?;
+    layouter.update(text.module.to_ctx()).map_err(|e| Error::Shader(format!("shaders/{stem}.wgsl: {e}")))?;
+    let found = text.module.types.iter().find_map(|(_, ty)| match &ty.inner {
+        TypeInner::Struct { members, span } if ty.name.as_deref().map(plain_name) == Some(name) => {
+            Some((members, *span as usize))
+        }
+        _ => None,
+    });
+    let (members, size) = found.ok_or_else(|| Error::Shader(format!("shaders/{stem}.wgsl has no struct {name:?}")))?;
     let fields = members.iter().map(|member| Field {
         name: member.name.clone().unwrap_or_default(),
         offset: member.offset as usize,
         size: layouter[member.ty].size as usize,
     });
-    Ok(Layout {
-        name: name.to_string(),
-        size,
-        fields: fields.collect(),
-    })
+    Ok(Layout { name: name.to_string(), size, fields: fields.collect() })
 }
 
 /// Compares a host struct with its twin in a shader.
@@ -91,31 +78,16 @@ pub fn shader_layout(stem: &str, name: &str) -> Result<Layout> {
 pub fn same(host: &Layout, shader: &Layout) -> std::result::Result<(), String> {
     let mut faults = Vec::new();
     if host.size != shader.size {
-        faults.push(format!(
-            "size {} on the host, {} in the shader",
-            host.size, shader.size
-        ));
+        faults.push(format!("size {} on the host, {} in the shader", host.size, shader.size));
     }
-    let visible: Vec<&Field> = host
-        .fields
-        .iter()
-        .filter(|f| !f.name.starts_with('_'))
-        .collect();
+    let visible: Vec<&Field> = host.fields.iter().filter(|f| !f.name.starts_with('_')).collect();
     for (h, s) in visible.iter().zip(&shader.fields) {
         if **h != *s {
             faults.push(format!("{h:?} on the host, {s:?} in the shader"));
         }
     }
     if visible.len() != shader.fields.len() {
-        faults.push(format!(
-            "{} fields on the host, {} in the shader",
-            visible.len(),
-            shader.fields.len()
-        ));
+        faults.push(format!("{} fields on the host, {} in the shader", visible.len(), shader.fields.len()));
     }
-    if faults.is_empty() {
-        Ok(())
-    } else {
-        Err(format!("struct {}: {}", host.name, faults.join("; ")))
-    }
+    if faults.is_empty() { Ok(()) } else { Err(format!("struct {}: {}", host.name, faults.join("; "))) }
 }

@@ -9,11 +9,7 @@ use crate::gpu::shader::plain_name;
 /// 1-based line of a byte offset.
 pub(crate) fn line_of(text: &str, offset: usize) -> usize {
     let end = offset.min(text.len());
-    text.as_bytes()[..end]
-        .iter()
-        .filter(|&&b| b == b'\n')
-        .count()
-        + 1
+    text.as_bytes()[..end].iter().filter(|&&b| b == b'\n').count() + 1
 }
 
 /// Offset of the declaration of `name` at module level, if `text` has one.
@@ -33,18 +29,13 @@ fn declared_name(line: &str) -> Option<&str> {
     let mut rest = line.trim_end();
     // Declarations of a module start at the margin; attributes may stand in front of them.
     while let Some(after) = rest.strip_prefix('@') {
-        let end = after
-            .find(|c: char| !c.is_alphanumeric() && c != '_')
-            .unwrap_or(after.len());
+        let end = after.find(|c: char| !c.is_alphanumeric() && c != '_').unwrap_or(after.len());
         rest = after[end..].trim_start();
         if rest.starts_with('(') {
             rest = rest[rest.find(')')? + 1..].trim_start();
         }
     }
-    let (keyword, after) = rest.split_at(
-        rest.find(|c: char| !c.is_alphanumeric())
-            .unwrap_or(rest.len()),
-    );
+    let (keyword, after) = rest.split_at(rest.find(|c: char| !c.is_alphanumeric()).unwrap_or(rest.len()));
     let mut after = after;
     match keyword {
         "fn" | "struct" | "const" | "override" | "alias" => {}
@@ -56,20 +47,13 @@ fn declared_name(line: &str) -> Option<&str> {
         _ => return None,
     }
     let name = after.trim_start();
-    let end = name
-        .find(|c: char| !c.is_alphanumeric() && c != '_')
-        .unwrap_or(name.len());
+    let end = name.find(|c: char| !c.is_alphanumeric() && c != '_').unwrap_or(name.len());
     (end > 0).then_some(&name[..end])
 }
 
 /// `shaders/<file>.wgsl:<line>` of an error at `span` of the compiled text `wgsl`. The line is that of the
 /// first place in the same declaration that holds the same code; the compiled text names both.
-pub(crate) fn in_sources(
-    wgsl: &str,
-    span: Option<Range<usize>>,
-    stem: &str,
-    sources: &VirtualResolver<'_>,
-) -> String {
+pub(crate) fn in_sources(wgsl: &str, span: Option<Range<usize>>, stem: &str, sources: &VirtualResolver<'_>) -> String {
     let root = format!("shaders/{stem}.wgsl");
     let Some(span) = span.filter(|s| s.start <= wgsl.len()) else {
         return root;
@@ -93,11 +77,7 @@ pub(crate) fn in_sources(
     let module = compiled_name.get(name.len() + 2..).unwrap_or_default();
     let owner = sources.modules().find(|(path, text)| {
         let joined = path.components.join("_");
-        let here = if module.is_empty() {
-            path.components.join("/") == stem
-        } else {
-            joined == module
-        };
+        let here = if module.is_empty() { path.components.join("/") == stem } else { joined == module };
         here && declaration(text, name).is_some()
     });
     let Some((path, text)) = owner else {
@@ -110,11 +90,7 @@ pub(crate) fn in_sources(
     let wanted = squeeze(wgsl.get(span.clone()).unwrap_or_default());
     // How often the same code stands in the declaration before the span: skip as many in the source.
     let before = squeeze(wgsl.get(compiled_start..span.start).unwrap_or_default());
-    let nth = if wanted.is_empty() {
-        0
-    } else {
-        before.matches(wanted.as_str()).count()
-    };
+    let nth = if wanted.is_empty() { 0 } else { before.matches(wanted.as_str()).count() };
     let line = find_squeezed(text, start, &wanted, nth).unwrap_or_else(|| line_of(text, start));
     format!("{file}:{line}")
 }
@@ -152,8 +128,5 @@ fn find_squeezed(text: &str, start: usize, wanted: &str, nth: usize) -> Option<u
         lines.push((squeezed.len(), first + index));
     }
     let (at, _) = squeezed.match_indices(wanted).nth(nth)?;
-    lines
-        .iter()
-        .find(|(end, _)| at < *end)
-        .map(|(_, line)| *line)
+    lines.iter().find(|(end, _)| at < *end).map(|(_, line)| *line)
 }

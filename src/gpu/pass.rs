@@ -56,29 +56,20 @@ pub(crate) fn fold(groups: u64, most: u32) -> Option<[u32; 2]> {
 
 impl<'r, 'a> Pass<'r, 'a> {
     pub(crate) fn new(recorder: &'r mut Recorder<'a>, stage: String, kernel: &'r Kernel) -> Self {
-        Self {
-            recorder,
-            stage,
-            kernel,
-            bound: Vec::new(),
-        }
+        Self { recorder, stage, kernel, bound: Vec::new() }
     }
 
     /// Binds a buffer, or a part of one, to the variable `name` of the shader.
     #[must_use]
     pub fn bind(mut self, name: &str, buffer: impl Into<Slice<'r>>) -> Self {
-        self.bound
-            .push((name.to_string(), Bound::Buffer(buffer.into())));
+        self.bound.push((name.to_string(), Bound::Buffer(buffer.into())));
         self
     }
 
     /// Gives the uniform `name` a value for this dispatch.
     #[must_use]
     pub fn uniform<T: Pod>(mut self, name: &str, value: &T) -> Self {
-        self.bound.push((
-            name.to_string(),
-            Bound::Uniform(bytemuck::bytes_of(value).to_vec()),
-        ));
+        self.bound.push((name.to_string(), Bound::Uniform(bytemuck::bytes_of(value).to_vec())));
         self
     }
 
@@ -111,19 +102,11 @@ impl<'r, 'a> Pass<'r, 'a> {
         arguments.check_range(&(first..first.saturating_add(3)))?;
         let slice = Slice::from(arguments);
         if slice.usage != Usage::Indirect {
-            return Err(self.fault(&format!(
-                "{arguments:?} holds dispatch arguments and needs Usage::Indirect"
-            )));
+            return Err(self.fault(&format!("{arguments:?} holds dispatch arguments and needs Usage::Indirect")));
         }
-        self.record(
-            Grid {
-                first: 0,
-                end: u32::MAX,
-            },
-            |pass| {
-                pass.dispatch_workgroups_indirect(slice.raw, 4 * first as u64);
-            },
-        )
+        self.record(Grid { first: 0, end: u32::MAX }, |pass| {
+            pass.dispatch_workgroups_indirect(slice.raw, 4 * first as u64);
+        })
     }
 
     /// Starts `items` threads in pieces that take about 0.1 s at most; `ns_per_item` is a first estimate, what was
@@ -135,9 +118,7 @@ impl<'r, 'a> Pass<'r, 'a> {
         if self.kernel.reflection.binding(GRID).is_none() {
             return Err(self.fault("is cut into pieces and must read `grid`"));
         }
-        let learnt = lock(&self.recorder.gpu.shared().rates)
-            .get(self.kernel.label())
-            .copied();
+        let learnt = lock(&self.recorder.gpu.shared().rates).get(self.kernel.label()).copied();
         let rate = learnt.unwrap_or(ns_per_item).max(1e-3);
         let predicted = rate * items as f64;
         self.recorder.check_cancel()?;
@@ -153,15 +134,7 @@ impl<'r, 'a> Pass<'r, 'a> {
         self.recorder.flush()?;
         self.recorder.gpu.wait()?;
         // A mere guess may be far off: begin with an eighth of a piece.
-        self.pieces(
-            items as u64,
-            rate,
-            if learnt.is_some() {
-                PIECE_NS
-            } else {
-                PIECE_NS / 8.0
-            },
-        )
+        self.pieces(items as u64, rate, if learnt.is_some() { PIECE_NS } else { PIECE_NS / 8.0 })
     }
 
     fn pieces(&mut self, items: u64, mut rate: f64, first_ns: f64) -> Result<()> {
@@ -169,21 +142,14 @@ impl<'r, 'a> Pass<'r, 'a> {
         let (mut done, mut piece_ns) = (0, first_ns);
         while done < items {
             self.recorder.check_cancel()?;
-            let count = ((piece_ns / rate) as u64)
-                .max(1)
-                .next_multiple_of(step)
-                .min(items - done);
+            let count = ((piece_ns / rate) as u64).max(1).next_multiple_of(step).min(items - done);
             let started = Instant::now();
             self.piece(done, done + count)?;
             self.recorder.flush()?;
             self.recorder.gpu.wait()?;
             let measured = started.elapsed().as_secs_f64() * 1e9 / count as f64;
             // One piece may be cheap and the next dear (sky, then leaves): let the prediction sink slowly.
-            rate = if measured > rate {
-                measured
-            } else {
-                (0.5 * (rate + measured)).max(rate / 8.0)
-            };
+            rate = if measured > rate { measured } else { (0.5 * (rate + measured)).max(rate / 8.0) };
             piece_ns = PIECE_NS;
             done += count;
         }
@@ -197,43 +163,19 @@ impl<'r, 'a> Pass<'r, 'a> {
     }
 
     fn groups(&mut self, first: u64, end: u64, groups: u64) -> Result<()> {
-        let most = self
-            .recorder
-            .gpu
-            .limits()
-            .max_compute_workgroups_per_dimension;
+        let most = self.recorder.gpu.limits().max_compute_workgroups_per_dimension;
         let shape = fold(groups, most).filter(|_| end < MOST_ITEMS);
         let Some([x, y]) = shape else {
-            return Err(self.fault(&format!(
-                "{end} items are more than one dispatch can take ({MOST_ITEMS})"
-            )));
+            return Err(self.fault(&format!("{end} items are more than one dispatch can take ({MOST_ITEMS})")));
         };
-        self.record(
-            Grid {
-                first: first as u32,
-                end: end as u32,
-            },
-            |pass| pass.dispatch_workgroups(x, y, 1),
-        )
+        self.record(Grid { first: first as u32, end: end as u32 }, |pass| pass.dispatch_workgroups(x, y, 1))
     }
 
-    fn record(
-        &mut self,
-        grid: Grid,
-        dispatch: impl FnOnce(&mut wgpu::ComputePass<'_>),
-    ) -> Result<()> {
+    fn record(&mut self, grid: Grid, dispatch: impl FnOnce(&mut wgpu::ComputePass<'_>)) -> Result<()> {
         self.check_bindings()?;
         let kernel = self.kernel;
-        let uniforms = kernel
-            .reflection
-            .bindings
-            .iter()
-            .filter(|b| b.kind == BindingKind::Uniform);
-        if !self
-            .recorder
-            .staging
-            .fits(uniforms.map(|b| b.min_bytes as usize))
-        {
+        let uniforms = kernel.reflection.bindings.iter().filter(|b| b.kind == BindingKind::Uniform);
+        if !self.recorder.staging.fits(uniforms.map(|b| b.min_bytes as usize)) {
             self.recorder.flush()?;
         }
         let groups = self.bind_groups(grid)?;
@@ -243,10 +185,7 @@ impl<'r, 'a> Pass<'r, 'a> {
         let (encoder, clock) = self.recorder.parts();
         gpu.scoped(&format!("pass {stage:?}"), || {
             let timestamp_writes = clock.pass(&stage);
-            let descriptor = wgpu::ComputePassDescriptor {
-                label: Some(&stage),
-                timestamp_writes,
-            };
+            let descriptor = wgpu::ComputePassDescriptor { label: Some(&stage), timestamp_writes };
             let mut pass = encoder.begin_compute_pass(&descriptor);
             pass.set_pipeline(&kernel.pipeline);
             for (index, group) in groups.iter().enumerate() {
@@ -262,18 +201,12 @@ impl<'r, 'a> Pass<'r, 'a> {
             // Without timestamps the only honest time is that of the pass alone.
             self.recorder.flush()?;
             self.recorder.gpu.wait()?;
-            self.recorder
-                .clock
-                .add(&stage, started.elapsed().as_secs_f64() * 1e3);
+            self.recorder.clock.add(&stage, started.elapsed().as_secs_f64() * 1e3);
         }
         Ok(())
     }
 
     pub(crate) fn fault(&self, message: &str) -> Error {
-        Error::Shader(format!(
-            "pass {:?} ({}) {message}",
-            self.stage,
-            self.kernel.label()
-        ))
+        Error::Shader(format!("pass {:?} ({}) {message}", self.stage, self.kernel.label()))
     }
 }

@@ -13,12 +13,7 @@ use crate::gpu::resource::Buffer;
 
 impl Gpu {
     /// Maps bytes of a buffer and waits for it: the work submitted before is done then.
-    pub(crate) fn map(
-        &self,
-        buffer: &wgpu::Buffer,
-        mode: wgpu::MapMode,
-        bytes: Range<u64>,
-    ) -> Result<()> {
+    pub(crate) fn map(&self, buffer: &wgpu::Buffer, mode: wgpu::MapMode, bytes: Range<u64>) -> Result<()> {
         self.map_all(&[(buffer, bytes)], mode)
     }
 
@@ -37,9 +32,7 @@ impl Gpu {
         if landed.try_iter().filter(|&ok| ok).count() == parts.len() {
             return Ok(());
         }
-        Err(Error::Device(
-            "a buffer could not be mapped: is it lent twice?".to_string(),
-        ))
+        Err(Error::Device("a buffer could not be mapped: is it lent twice?".to_string()))
     }
 
     /// Reads a whole buffer; waits for the work submitted before.
@@ -55,11 +48,7 @@ impl Gpu {
 
     /// Starts to collect buffers that are read together.
     pub fn readback(&self) -> Readback<'_> {
-        Readback {
-            gpu: self,
-            parts: Vec::new(),
-            bytes: 0,
-        }
+        Readback { gpu: self, parts: Vec::new(), bytes: 0 }
     }
 }
 
@@ -91,30 +80,18 @@ impl Readback<'_> {
     ///
     /// # Errors
     /// [`Error::Device`] when the range is out of bounds or does not start at a multiple of 4 bytes.
-    pub fn add<T: Pod + Send>(
-        &mut self,
-        buffer: &Buffer<T>,
-        range: Range<usize>,
-    ) -> Result<Ticket<T>> {
+    pub fn add<T: Pod + Send>(&mut self, buffer: &Buffer<T>, range: Range<usize>) -> Result<Ticket<T>> {
         buffer.check_range(&range)?;
         let size = size_of::<T>() as u64;
         let (source, bytes) = (range.start as u64 * size, range.len() as u64 * size);
         if !source.is_multiple_of(4) {
-            return Err(Error::Device(format!(
-                "{buffer:?}: a readback starts at a multiple of 4 bytes"
-            )));
+            return Err(Error::Device(format!("{buffer:?}: a readback starts at a multiple of 4 bytes")));
         }
         let staged = (!buffer.mappable()).then_some(self.bytes);
         if staged.is_some() {
             self.bytes += bytes.next_multiple_of(16);
         }
-        self.parts.push(Part {
-            raw: buffer.raw().clone(),
-            source,
-            staged,
-            bytes,
-            decode: decode::<T>,
-        });
+        self.parts.push(Part { raw: buffer.raw().clone(), source, staged, bytes, decode: decode::<T> });
         Ok(Ticket(self.parts.len() - 1, PhantomData))
     }
 
@@ -124,11 +101,7 @@ impl Readback<'_> {
     /// [`Error::Device`].
     pub fn wait(self) -> Result<Landed> {
         let Readback { gpu, parts, bytes } = self;
-        let staging = if bytes > 0 {
-            Some(stage(gpu, &parts, bytes)?)
-        } else {
-            None
-        };
+        let staging = if bytes > 0 { Some(stage(gpu, &parts, bytes)?) } else { None };
         // (buffer to map, byte range of the part in it)
         let places: Vec<_> = parts
             .iter()
@@ -137,20 +110,12 @@ impl Readback<'_> {
                 _ => (&part.raw, part.source..part.source + part.bytes),
             })
             .collect();
-        let direct = parts
-            .iter()
-            .zip(&places)
-            .filter(|(p, _)| p.staged.is_none() && p.bytes > 0);
-        let mut mapped: Vec<_> = direct
-            .map(|(_, (raw, range))| (*raw, widen(range)))
-            .collect();
+        let direct = parts.iter().zip(&places).filter(|(p, _)| p.staged.is_none() && p.bytes > 0);
+        let mut mapped: Vec<_> = direct.map(|(_, (raw, range))| (*raw, widen(range))).collect();
         mapped.extend(staging.as_ref().map(|s| (s, 0..bytes)));
         gpu.map_all(&mapped, wgpu::MapMode::Read)?;
-        let copied: Result<Vec<_>> = parts
-            .iter()
-            .zip(&places)
-            .map(|(part, (raw, range))| copy_out(raw, range, part.decode).map(Some))
-            .collect();
+        let copied: Result<Vec<_>> =
+            parts.iter().zip(&places).map(|(part, (raw, range))| copy_out(raw, range, part.decode).map(Some)).collect();
         mapped.iter().for_each(|(raw, _)| raw.unmap());
         Ok(Landed(copied?))
     }
@@ -170,9 +135,7 @@ fn stage(gpu: &Gpu, parts: &[Part], bytes: u64) -> Result<wgpu::Buffer> {
             usage: wgpu::BufferUsages::MAP_READ | wgpu::BufferUsages::COPY_DST,
             mapped_at_creation: false,
         });
-        let mut encoder = gpu
-            .device()
-            .create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
+        let mut encoder = gpu.device().create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
         for part in parts.iter().filter(|p| p.bytes > 0) {
             if let Some(at) = part.staged {
                 let bytes = part.bytes.next_multiple_of(4);
@@ -199,12 +162,8 @@ fn copy_out(
     }
     let wide = widen(bytes);
     let skip = (bytes.start - wide.start) as usize;
-    let view = mapped
-        .get_mapped_range(wide)
-        .map_err(|e| Error::Device(format!("reading back: {e}")))?;
-    Ok(decode(
-        &view[skip..skip + (bytes.end - bytes.start) as usize],
-    ))
+    let view = mapped.get_mapped_range(wide).map_err(|e| Error::Device(format!("reading back: {e}")))?;
+    Ok(decode(&view[skip..skip + (bytes.end - bytes.start) as usize]))
 }
 
 /// What a readback brought.
@@ -214,8 +173,6 @@ impl Landed {
     /// The elements of one part; empty when it was taken before.
     pub fn take<T: Pod + Send>(&mut self, ticket: Ticket<T>) -> Vec<T> {
         let part = self.0.get_mut(ticket.0).and_then(Option::take);
-        part.and_then(|any| any.downcast().ok())
-            .map(|data| *data)
-            .unwrap_or_default()
+        part.and_then(|any| any.downcast().ok()).map(|data| *data).unwrap_or_default()
     }
 }

@@ -70,35 +70,37 @@ impl<'a> Recorder<'a> {
     ///
     /// # Errors
     /// Those of `work`.
-    pub fn scope<R>(
-        &mut self,
-        scope: &str,
-        work: impl FnOnce(&mut Self) -> Result<R>,
-    ) -> Result<R> {
-        let outer = self.scope.clone();
-        self.scope = self.stage(scope);
+    pub fn scope<R>(&mut self, scope: &str, work: impl FnOnce(&mut Self) -> Result<R>) -> Result<R> {
+        let outer = self.enter(scope);
         let result = work(self);
-        self.scope = outer;
+        self.leave(outer);
         result
+    }
+
+    /// As [`Recorder::scope`], where no closure can hold the recorder; returns the outer scope for
+    /// [`Recorder::leave`].
+    pub fn enter(&mut self, scope: &str) -> String {
+        let inner = self.stage(scope);
+        std::mem::replace(&mut self.scope, inner)
+    }
+
+    /// Ends what [`Recorder::enter`] began.
+    pub fn leave(&mut self, outer: String) {
+        self.scope = outer;
     }
 
     /// Runs host code after everything recorded so far is done; its wall time is the stage's.
     ///
     /// # Errors
     /// Those of `work`, [`Error::Device`], [`Error::Cancelled`].
-    pub fn host<R>(
-        &mut self,
-        stage: &str,
-        work: impl FnOnce(&Gpu, Cancel<'a>) -> Result<R>,
-    ) -> Result<R> {
+    pub fn host<R>(&mut self, stage: &str, work: impl FnOnce(&Gpu, Cancel<'a>) -> Result<R>) -> Result<R> {
         self.flush()?;
         self.gpu.wait()?;
         self.check_cancel()?;
         let stage = self.stage(stage);
         let started = Instant::now();
         let result = work(&self.gpu, self.cancel);
-        self.clock
-            .add(&stage, started.elapsed().as_secs_f64() * 1e3);
+        self.clock.add(&stage, started.elapsed().as_secs_f64() * 1e3);
         result
     }
 
@@ -109,9 +111,7 @@ impl<'a> Recorder<'a> {
     pub fn clear<T: Pod>(&mut self, buffer: &Buffer<T>) -> Result<()> {
         let gpu = self.gpu.clone();
         let encoder = self.encoder();
-        gpu.scoped(&format!("clearing {buffer:?}"), || {
-            encoder.clear_buffer(buffer.raw(), 0, None)
-        })
+        gpu.scoped(&format!("clearing {buffer:?}"), || encoder.clear_buffer(buffer.raw(), 0, None))
     }
 
     /// Copies the first `count` elements, in order with the passes.
@@ -124,9 +124,7 @@ impl<'a> Recorder<'a> {
         let bytes = ((count * size_of::<T>()) as u64).next_multiple_of(4);
         let gpu = self.gpu.clone();
         let encoder = self.encoder();
-        gpu.scoped(&format!("copying {from:?}"), || {
-            encoder.copy_buffer_to_buffer(from.raw(), 0, to.raw(), 0, bytes)
-        })
+        gpu.scoped(&format!("copying {from:?}"), || encoder.copy_buffer_to_buffer(from.raw(), 0, to.raw(), 0, bytes))
     }
 
     /// Submits what is recorded, without waiting for it.
@@ -165,43 +163,27 @@ impl<'a> Recorder<'a> {
     /// # Errors
     /// [`Error::Cancelled`].
     pub fn check_cancel(&self) -> Result<()> {
-        if (self.cancel)() {
-            Err(Error::Cancelled)
-        } else {
-            Ok(())
-        }
+        if (self.cancel)() { Err(Error::Cancelled) } else { Ok(()) }
     }
 
     /// Full name of a stage inside the current scope.
     pub(crate) fn stage(&self, name: &str) -> String {
-        if self.scope.is_empty() {
-            name.to_string()
-        } else {
-            format!("{}/{name}", self.scope)
-        }
+        if self.scope.is_empty() { name.to_string() } else { format!("{}/{name}", self.scope) }
     }
 
     pub(crate) fn encoder(&mut self) -> &mut wgpu::CommandEncoder {
         let device = self.gpu.device();
         self.encoder.get_or_insert_with(|| {
-            device.create_command_encoder(&wgpu::CommandEncoderDescriptor {
-                label: Some("frame"),
-            })
+            device.create_command_encoder(&wgpu::CommandEncoderDescriptor { label: Some("frame") })
         })
     }
 
     /// The encoder and the clock at once.
     pub(crate) fn parts(&mut self) -> (&mut wgpu::CommandEncoder, &mut Clock) {
         self.encoder();
-        let Self {
-            encoder,
-            clock,
-            gpu,
-            ..
-        } = self;
+        let Self { encoder, clock, gpu, .. } = self;
         let device = gpu.device();
-        let encoder =
-            encoder.get_or_insert_with(|| device.create_command_encoder(&Default::default()));
+        let encoder = encoder.get_or_insert_with(|| device.create_command_encoder(&Default::default()));
         (encoder, clock)
     }
 }

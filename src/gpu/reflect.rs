@@ -58,22 +58,10 @@ impl Reflection {
     /// [`Error::Shader`]: no such compute entry point, an unknown override, a binding that is no buffer, two
     /// bindings of one name, more than eight storage buffers.
     pub fn of(text: &ShaderText, entry: &str, overrides: &[(&str, f64)]) -> Result<Self> {
-        let fault =
-            |message: String| Error::Shader(format!("shaders/{}.wgsl: {message}", text.stem));
-        let names: Vec<String> = text
-            .module
-            .overrides
-            .iter()
-            .filter_map(|(_, o)| o.name.clone())
-            .collect();
-        if let Some((unknown, _)) = overrides
-            .iter()
-            .find(|(name, _)| !names.iter().any(|n| n == name))
-        {
-            return Err(fault(format!(
-                "no override constant {unknown:?}; there are: {}",
-                names.join(", ")
-            )));
+        let fault = |message: String| Error::Shader(format!("shaders/{}.wgsl: {message}", text.stem));
+        let names: Vec<String> = text.module.overrides.iter().filter_map(|(_, o)| o.name.clone()).collect();
+        if let Some((unknown, _)) = overrides.iter().find(|(name, _)| !names.iter().any(|n| n == name)) {
+            return Err(fault(format!("no override constant {unknown:?}; there are: {}", names.join(", "))));
         }
         let position = text
             .module
@@ -81,25 +69,12 @@ impl Reflection {
             .iter()
             .position(|p| p.name == entry && p.stage == ShaderStage::Compute)
             .ok_or_else(|| {
-                let all: Vec<&str> = text
-                    .module
-                    .entry_points
-                    .iter()
-                    .map(|p| p.name.as_str())
-                    .collect();
-                fault(format!(
-                    "no compute entry point {entry:?}; there are: {}",
-                    all.join(", ")
-                ))
+                let all: Vec<&str> = text.module.entry_points.iter().map(|p| p.name.as_str()).collect();
+                fault(format!("no compute entry point {entry:?}; there are: {}", all.join(", ")))
             })?;
         let workgroup = workgroup_size(text, position, entry, overrides).map_err(&fault)?;
         let bindings = bindings(text, position).map_err(&fault)?;
-        let reflection = Self {
-            entry: entry.to_string(),
-            workgroup,
-            bindings,
-            overrides: names,
-        };
+        let reflection = Self { entry: entry.to_string(), workgroup, bindings, overrides: names };
         reflection.verify().map_err(fault)?;
         Ok(reflection)
     }
@@ -116,21 +91,11 @@ impl Reflection {
 
     fn verify(&self) -> std::result::Result<(), String> {
         for (index, binding) in self.bindings.iter().enumerate() {
-            if self.bindings[..index]
-                .iter()
-                .any(|b| b.name == binding.name)
-            {
-                return Err(format!(
-                    "{:?} has two bindings named {:?}",
-                    self.entry, binding.name
-                ));
+            if self.bindings[..index].iter().any(|b| b.name == binding.name) {
+                return Err(format!("{:?} has two bindings named {:?}", self.entry, binding.name));
             }
         }
-        let storage = self
-            .bindings
-            .iter()
-            .filter(|b| b.kind != BindingKind::Uniform)
-            .count();
+        let storage = self.bindings.iter().filter(|b| b.kind != BindingKind::Uniform).count();
         if storage > STORAGE_BUFFERS {
             return Err(format!(
                 "{:?} uses {storage} storage buffers; WebGPU promises {STORAGE_BUFFERS} a stage",
@@ -156,13 +121,8 @@ fn workgroup_size(
         constants.insert((*name).to_string(), *value);
     }
     let stage = Some((ShaderStage::Compute, entry));
-    let (module, _) = naga::back::pipeline_constants::process_overrides(
-        &text.module,
-        &text.info,
-        stage,
-        &constants,
-    )
-    .map_err(|e| format!("workgroup size of {entry:?}: {e}"))?;
+    let (module, _) = naga::back::pipeline_constants::process_overrides(&text.module, &text.info, stage, &constants)
+        .map_err(|e| format!("workgroup size of {entry:?}: {e}"))?;
     module
         .entry_points
         .iter()
@@ -173,9 +133,7 @@ fn workgroup_size(
 
 fn bindings(text: &ShaderText, position: usize) -> std::result::Result<Vec<Binding>, String> {
     let mut layouter = Layouter::default();
-    layouter
-        .update(text.module.to_ctx())
-        .map_err(|e| e.to_string())?;
+    layouter.update(text.module.to_ctx()).map_err(|e| e.to_string())?;
     let uses = text.info.get_entry_point(position);
     let mut found = Vec::new();
     for (handle, variable) in text.module.global_variables.iter() {
@@ -185,27 +143,16 @@ fn bindings(text: &ShaderText, position: usize) -> std::result::Result<Vec<Bindi
         let name = plain_name(variable.name.as_deref().unwrap_or_default()).to_string();
         let kind = match variable.space {
             AddressSpace::Uniform => BindingKind::Uniform,
-            AddressSpace::Storage { access } if access.contains(StorageAccess::STORE) => {
-                BindingKind::ReadWrite
-            }
+            AddressSpace::Storage { access } if access.contains(StorageAccess::STORE) => BindingKind::ReadWrite,
             AddressSpace::Storage { .. } => BindingKind::ReadOnly,
             _ => {
-                return Err(format!(
-                    "binding {name:?} is no buffer; only buffers are bound by name"
-                ));
+                return Err(format!("binding {name:?} is no buffer; only buffers are bound by name"));
             }
         };
         let stride = run_time_stride(&text.module, variable.ty);
         // naga's size of a type that ends in a run-time sized array counts one element of it.
         let min_bytes = u64::from(layouter[variable.ty].size).max(stride.unwrap_or(0));
-        found.push(Binding {
-            name,
-            group: place.group,
-            binding: place.binding,
-            kind,
-            min_bytes,
-            stride,
-        });
+        found.push(Binding { name, group: place.group, binding: place.binding, kind, min_bytes, stride });
     }
     found.sort_by_key(|b| (b.group, b.binding));
     Ok(found)
@@ -213,14 +160,8 @@ fn bindings(text: &ShaderText, position: usize) -> std::result::Result<Vec<Bindi
 
 fn run_time_stride(module: &naga::Module, ty: naga::Handle<naga::Type>) -> Option<u64> {
     match &module.types[ty].inner {
-        TypeInner::Array {
-            size: naga::ArraySize::Dynamic,
-            stride,
-            ..
-        } => Some(u64::from(*stride)),
-        TypeInner::Struct { members, .. } => {
-            members.last().and_then(|m| run_time_stride(module, m.ty))
-        }
+        TypeInner::Array { size: naga::ArraySize::Dynamic, stride, .. } => Some(u64::from(*stride)),
+        TypeInner::Struct { members, .. } => members.last().and_then(|m| run_time_stride(module, m.ty)),
         _ => None,
     }
 }

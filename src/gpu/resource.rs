@@ -28,11 +28,7 @@ impl Usage {
         use wgpu::BufferUsages as U;
         let copies = U::COPY_SRC | U::COPY_DST;
         // On a software adapter a buffer is plain memory: the host may look at it without a copy.
-        let lent = if mappable {
-            U::MAP_READ | U::MAP_WRITE
-        } else {
-            U::empty()
-        };
+        let lent = if mappable { U::MAP_READ | U::MAP_WRITE } else { U::empty() };
         match self {
             Usage::Storage => U::STORAGE | copies | lent,
             Usage::Indirect => U::STORAGE | U::INDIRECT | copies | lent,
@@ -80,11 +76,7 @@ impl Allocation {
         })?;
         let total = gpu.shared().allocated.clone();
         total.fetch_add(bytes, Ordering::Relaxed);
-        Ok(Self {
-            raw,
-            usage,
-            counted: Arc::new(Counted { bytes, total }),
-        })
+        Ok(Self { raw, usage, counted: Arc::new(Counted { bytes, total }) })
     }
 }
 
@@ -105,13 +97,7 @@ pub struct Buffer<T> {
 
 impl<T> std::fmt::Debug for Buffer<T> {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        write!(
-            f,
-            "Buffer<{}>({:?}, {})",
-            type_name::<T>(),
-            self.label,
-            self.len
-        )
+        write!(f, "Buffer<{}>({:?}, {})", type_name::<T>(), self.label, self.len)
     }
 }
 
@@ -138,10 +124,7 @@ impl<T: Pod> Buffer<T> {
 
     /// True when host code may look at it without a copy.
     pub(crate) fn mappable(&self) -> bool {
-        self.allocation
-            .raw
-            .usage()
-            .contains(wgpu::BufferUsages::MAP_READ)
+        self.allocation.raw.usage().contains(wgpu::BufferUsages::MAP_READ)
     }
 
     /// Part of the buffer, for a binding. Its start must lie on the adapter's offset alignment (at most 256 bytes).
@@ -159,11 +142,7 @@ impl<T: Pod> Buffer<T> {
             )));
         }
         let bytes = (range.len() as u64 * size).next_multiple_of(4);
-        Ok(Slice {
-            offset,
-            bytes,
-            ..self.into()
-        })
+        Ok(Slice { offset, bytes, ..self.into() })
     }
 
     /// Writes `data` from element `first` on; it takes effect before any work that is submitted later.
@@ -178,21 +157,14 @@ impl<T: Pod> Buffer<T> {
             return Ok(());
         }
         if !offset.is_multiple_of(4) || !bytes.len().is_multiple_of(4) {
-            return Err(Error::Device(format!(
-                "{self:?}: a write starts and ends at multiples of 4 bytes"
-            )));
+            return Err(Error::Device(format!("{self:?}: a write starts and ends at multiples of 4 bytes")));
         }
-        gpu.scoped(&format!("writing {self:?}"), || {
-            gpu.queue()
-                .write_buffer(&self.allocation.raw, offset, bytes)
-        })
+        gpu.scoped(&format!("writing {self:?}"), || gpu.queue().write_buffer(&self.allocation.raw, offset, bytes))
     }
 
     pub(crate) fn check_range(&self, range: &Range<usize>) -> Result<()> {
         if range.start > range.end || range.end > self.len {
-            return Err(Error::Device(format!(
-                "{self:?}: elements {range:?} are out of bounds"
-            )));
+            return Err(Error::Device(format!("{self:?}: elements {range:?} are out of bounds")));
         }
         Ok(())
     }
@@ -230,12 +202,7 @@ impl Gpu {
     /// [`Error::Device`] above `max_buffer_size` or without memory.
     pub fn buffer<T: Pod>(&self, label: &str, len: usize, usage: Usage) -> Result<Buffer<T>> {
         let allocation = Allocation::new(self, label, bytes_of::<T>(len), usage)?;
-        Ok(Buffer {
-            allocation,
-            label: label.into(),
-            len,
-            element: PhantomData,
-        })
+        Ok(Buffer { allocation, label: label.into(), len, element: PhantomData })
     }
 
     /// A new storage buffer that holds `data`.
@@ -259,10 +226,7 @@ pub struct Resources {
 impl Resources {
     /// An empty pool.
     pub fn new(gpu: &Gpu) -> Self {
-        Self {
-            gpu: gpu.clone(),
-            kept: HashMap::new(),
-        }
+        Self { gpu: gpu.clone(), kept: HashMap::new() }
     }
 
     /// The storage buffer `name` with `len` elements of `T`; allocated when it is new or too small.
@@ -277,12 +241,7 @@ impl Resources {
     ///
     /// # Errors
     /// As [`Gpu::buffer`].
-    pub fn buffer_for<T: Pod>(
-        &mut self,
-        name: &str,
-        len: usize,
-        usage: Usage,
-    ) -> Result<Buffer<T>> {
+    pub fn buffer_for<T: Pod>(&mut self, name: &str, len: usize, usage: Usage) -> Result<Buffer<T>> {
         let bytes = bytes_of::<T>(len);
         let fits = |kept: &Allocation| kept.usage == usage && kept.raw.size() >= bytes;
         let allocation = match self.kept.get(name) {
@@ -295,12 +254,7 @@ impl Resources {
                 made
             }
         };
-        Ok(Buffer {
-            allocation,
-            label: name.into(),
-            len,
-            element: PhantomData,
-        })
+        Ok(Buffer { allocation, label: name.into(), len, element: PhantomData })
     }
 
     /// Takes a buffer out of the pool, so that the next frame makes a new one and the holder keeps this one's contents.

@@ -52,10 +52,7 @@ pub fn source(stem: &str) -> Option<&'static str> {
 }
 
 fn module_path(stem: &str) -> ModulePath {
-    ModulePath::new(
-        PathOrigin::Absolute,
-        stem.split('/').map(str::to_string).collect(),
-    )
+    ModulePath::new(PathOrigin::Absolute, stem.split('/').map(str::to_string).collect())
 }
 
 /// Imported names keep their own name in front, so that errors, bindings and structs stay readable.
@@ -70,9 +67,7 @@ impl wesl::Mangler for SuffixMangler {
 /// The name as written in its file: `Ray__common_ray` is `Ray`.
 pub(crate) fn plain_name(name: &str) -> &str {
     // A leading or trailing run of underscores is the author's own.
-    name.find("__")
-        .filter(|&at| at > 0)
-        .map_or(name, |at| &name[..at])
+    name.find("__").filter(|&at| at > 0).map_or(name, |at| &name[..at])
 }
 
 /// Compiles an embedded file with its imports, or `root` when given in its place (tests do that).
@@ -83,10 +78,7 @@ pub(crate) fn plain_name(name: &str) -> &str {
 pub fn compile(stem: &str, root: Option<&str>) -> Result<ShaderText> {
     let mut resolver = VirtualResolver::new();
     for file in files() {
-        resolver.add_module(
-            module_path(&file),
-            Cow::Borrowed(source(&file).unwrap_or_default()),
-        );
+        resolver.add_module(module_path(&file), Cow::Borrowed(source(&file).unwrap_or_default()));
     }
     match (root, source(stem)) {
         (Some(text), _) => resolver.add_module(module_path(stem), Cow::Borrowed(text)),
@@ -98,10 +90,7 @@ pub fn compile(stem: &str, root: Option<&str>) -> Result<ShaderText> {
             )));
         }
     }
-    let options = CompileOptions {
-        keep_root: true,
-        ..CompileOptions::default()
-    };
+    let options = CompileOptions { keep_root: true, ..CompileOptions::default() };
     let compiled = wesl::compile_sourcemap(&module_path(stem), &resolver, &SuffixMangler, &options)
         .map_err(|e| Error::Shader(import_error(stem, e, &resolver)))?;
     let wgsl = compiled.to_string();
@@ -109,41 +98,24 @@ pub fn compile(stem: &str, root: Option<&str>) -> Result<ShaderText> {
         let place = locate::in_sources(&wgsl, span, stem, &resolver);
         Error::Shader(format!("{place}: {message}"))
     })?;
-    Ok(ShaderText {
-        stem: stem.to_string(),
-        wgsl,
-        module,
-        info,
-    })
+    Ok(ShaderText { stem: stem.to_string(), wgsl, module, info })
 }
 
 type Faulty = (String, Option<std::ops::Range<usize>>);
 
-fn check(
-    wgsl: &str,
-) -> std::result::Result<(wgpu::naga::Module, wgpu::naga::valid::ModuleInfo), Faulty> {
+fn check(wgsl: &str) -> std::result::Result<(wgpu::naga::Module, wgpu::naga::valid::ModuleInfo), Faulty> {
     use wgpu::naga::{front, valid};
     let module = front::wgsl::parse_str(wgsl).map_err(|e| {
         let span = e.labels().next().and_then(|(span, _)| span.to_range());
-        let labels: Vec<&str> = e
-            .labels()
-            .map(|(_, text)| text)
-            .filter(|t| !t.is_empty())
-            .collect();
-        let hint = if labels.is_empty() {
-            String::new()
-        } else {
-            format!(" ({})", labels.join("; "))
-        };
+        let labels: Vec<&str> = e.labels().map(|(_, text)| text).filter(|t| !t.is_empty()).collect();
+        let hint = if labels.is_empty() { String::new() } else { format!(" ({})", labels.join("; ")) };
         (format!("{}{hint}", e.message()), span)
     })?;
     let capabilities = valid::Capabilities::default() | valid::Capabilities::SUBGROUP;
-    let info = valid::Validator::new(valid::ValidationFlags::all(), capabilities)
-        .validate(&module)
-        .map_err(|e| {
-            let span = e.spans().next().and_then(|(span, _)| span.to_range());
-            (chain(e.as_inner()), span)
-        })?;
+    let info = valid::Validator::new(valid::ValidationFlags::all(), capabilities).validate(&module).map_err(|e| {
+        let span = e.spans().next().and_then(|(span, _)| span.to_range());
+        (chain(e.as_inner()), span)
+    })?;
     Ok((module, info))
 }
 
@@ -161,17 +133,9 @@ fn chain(error: &dyn std::error::Error) -> String {
 
 fn import_error(stem: &str, error: wesl::Error, resolver: &VirtualResolver<'_>) -> String {
     let found = Diagnostic::from(error);
-    let path = found
-        .detail
-        .module_path
-        .clone()
-        .unwrap_or_else(|| module_path(stem));
+    let path = found.detail.module_path.clone().unwrap_or_else(|| module_path(stem));
     let file = path.components.join("/");
-    let text = resolver
-        .get_module(&path)
-        .ok()
-        .map(str::to_string)
-        .or_else(|| found.detail.source.clone());
+    let text = resolver.get_module(&path).ok().map(str::to_string).or_else(|| found.detail.source.clone());
     let line = match (&text, &found.detail.span, &found.detail.declaration) {
         (Some(text), Some(span), _) => Some(locate::line_of(text, span.start)),
         (Some(text), None, Some(name)) => {
@@ -180,5 +144,11 @@ fn import_error(stem: &str, error: wesl::Error, resolver: &VirtualResolver<'_>) 
         _ => None,
     };
     let line = line.map(|l| format!(":{l}")).unwrap_or_default();
-    format!("shaders/{file}.wgsl{line}: {}", found.error)
+    let message = found.error.to_string();
+    // The parser puts byte offsets in front; the line says it better.
+    let message = match message.split_once(": ") {
+        Some((offsets, rest)) if offsets.starts_with("chars ") => rest,
+        _ => &message,
+    };
+    format!("shaders/{file}.wgsl{line}: {message}")
 }

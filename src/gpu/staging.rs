@@ -24,11 +24,7 @@ impl Staging {
             })
         })?;
         let align = gpu.limits().min_uniform_buffer_offset_alignment.max(16) as usize;
-        Ok(Self {
-            raw,
-            bytes: Vec::new(),
-            align,
-        })
+        Ok(Self { raw, bytes: Vec::new(), align })
     }
 
     /// True when uniforms of these sizes still fit.
@@ -47,8 +43,7 @@ impl Staging {
         }
         let offset = self.bytes.len();
         self.bytes.extend_from_slice(data);
-        self.bytes
-            .resize(self.bytes.len().next_multiple_of(self.align), 0);
+        self.bytes.resize(self.bytes.len().next_multiple_of(self.align), 0);
         Ok(offset as u32)
     }
 

@@ -24,16 +24,9 @@ pub struct Times {
 impl Times {
     /// Time of the stage `name` and of all stages nested in it (`name/…`), milliseconds.
     pub fn of(&self, name: &str) -> f64 {
-        let nested = |stage: &str| {
-            stage
-                .strip_prefix(name)
-                .is_some_and(|rest| rest.is_empty() || rest.starts_with('/'))
-        };
-        self.stages
-            .iter()
-            .filter(|(stage, _)| nested(stage))
-            .map(|(_, ms)| ms)
-            .sum()
+        let nested =
+            |stage: &str| stage.strip_prefix(name).is_some_and(|rest| rest.is_empty() || rest.starts_with('/'));
+        self.stages.iter().filter(|(stage, _)| nested(stage)).map(|(_, ms)| ms).sum()
     }
 
     fn add(&mut self, name: &str, ms: f64) {
@@ -86,10 +79,7 @@ impl QueryPool {
     pub(crate) fn new(device: &wgpu::Device, queue: &wgpu::Queue) -> Self {
         let supported = device.features().contains(wgpu::Features::TIMESTAMP_QUERY);
         let period = f64::from(queue.get_timestamp_period());
-        Self {
-            free: Mutex::default(),
-            nanoseconds_per_tick: (supported && period > 0.0).then_some(period),
-        }
+        Self { free: Mutex::default(), nanoseconds_per_tick: (supported && period > 0.0).then_some(period) }
     }
 }
 
@@ -118,13 +108,7 @@ impl Clock {
             }
         };
         let ns_per_tick = pool.nanoseconds_per_tick.unwrap_or(0.0);
-        Ok(Self {
-            started,
-            times: Times::default(),
-            set,
-            pending: Vec::new(),
-            ns_per_tick,
-        })
+        Ok(Self { started, times: Times::default(), set, pending: Vec::new(), ns_per_tick })
     }
 
     /// True when passes carry timestamps; else each is waited for and timed by the wall clock.
@@ -164,22 +148,16 @@ impl Clock {
         let count = 2 * self.pending.len() as u32;
         let bytes = 8 * u64::from(count);
         let ticks = gpu.scoped("reading timestamps", || {
-            let mut encoder = gpu
-                .device()
-                .create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
+            let mut encoder = gpu.device().create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
             encoder.resolve_query_set(&set.set, 0..count, &set.resolved, 0);
             encoder.copy_buffer_to_buffer(&set.resolved, 0, &set.landed, 0, bytes);
             gpu.queue().submit([encoder.finish()]);
             gpu.map(&set.landed, wgpu::MapMode::Read, 0..bytes)
         })?;
         ticks?;
-        let read = set
-            .landed
-            .get_mapped_range(0..bytes)
-            .map(|view| bytemuck::pod_collect_to_vec::<u8, u64>(&view));
+        let read = set.landed.get_mapped_range(0..bytes).map(|view| bytemuck::pod_collect_to_vec::<u8, u64>(&view));
         set.landed.unmap();
-        let read =
-            read.map_err(|e| crate::error::Error::Device(format!("reading timestamps: {e}")))?;
+        let read = read.map_err(|e| crate::error::Error::Device(format!("reading timestamps: {e}")))?;
         for (stage, pair) in self.pending.iter().zip(read.chunks_exact(2)) {
             let ms = pair[1].saturating_sub(pair[0]) as f64 * self.ns_per_tick * 1e-6;
             self.times.add(stage, ms);

@@ -22,12 +22,7 @@ impl Gpu {
             let ticket = readback.add(buffer, range)?;
             return Ok(View(Lent::Copied(readback.wait()?.take(ticket))));
         }
-        Ok(View(Lent::Mapped(Mapping::new(
-            self,
-            buffer,
-            range,
-            wgpu::MapMode::Read,
-        )?)))
+        Ok(View(Lent::Mapped(Mapping::new(self, buffer, range, wgpu::MapMode::Read)?)))
     }
 
     /// Lends elements of a buffer to host code that overwrites them all; [`ViewMut::commit`] makes them visible.
@@ -35,27 +30,14 @@ impl Gpu {
     ///
     /// # Errors
     /// [`Error::Device`].
-    pub fn view_mut<T: Pod + Send>(
-        &self,
-        buffer: &Buffer<T>,
-        range: Range<usize>,
-    ) -> Result<ViewMut<T>> {
+    pub fn view_mut<T: Pod + Send>(&self, buffer: &Buffer<T>, range: Range<usize>) -> Result<ViewMut<T>> {
         buffer.check_range(&range)?;
         let lent = if buffer.mappable() && !range.is_empty() {
-            Lent::Mapped(Mapping::new(
-                self,
-                buffer,
-                range.clone(),
-                wgpu::MapMode::Write,
-            )?)
+            Lent::Mapped(Mapping::new(self, buffer, range.clone(), wgpu::MapMode::Write)?)
         } else {
             Lent::Copied(vec![T::zeroed(); range.len()])
         };
-        Ok(ViewMut {
-            lent,
-            buffer: buffer.clone(),
-            first: range.start,
-        })
+        Ok(ViewMut { lent, buffer: buffer.clone(), first: range.start })
     }
 }
 
@@ -74,26 +56,13 @@ unsafe impl<T: Send> Send for Mapping<T> {}
 unsafe impl<T: Sync> Sync for Mapping<T> {}
 
 impl<T: Pod> Mapping<T> {
-    fn new(
-        gpu: &Gpu,
-        buffer: &Buffer<T>,
-        range: Range<usize>,
-        mode: wgpu::MapMode,
-    ) -> Result<Self> {
+    fn new(gpu: &Gpu, buffer: &Buffer<T>, range: Range<usize>, mode: wgpu::MapMode) -> Result<Self> {
         let size = size_of::<T>() as u64;
         let (start, end) = (range.start as u64 * size, range.end as u64 * size);
-        let Range {
-            start: from,
-            end: to,
-        } = widen(&(start..end));
+        let Range { start: from, end: to } = widen(&(start..end));
         let raw = buffer.raw().clone();
         gpu.map(&raw, mode, from..to)?;
-        let mut mapping = Self {
-            raw,
-            data: std::ptr::null_mut(),
-            len: range.len(),
-            views: (None, None),
-        };
+        let mut mapping = Self { raw, data: std::ptr::null_mut(), len: range.len(), views: (None, None) };
         let fault = |e: wgpu::MapRangeError| Error::Device(format!("{buffer:?}: {e}"));
         let base = match mode {
             wgpu::MapMode::Read => {
@@ -111,9 +80,7 @@ impl<T: Pod> Mapping<T> {
         };
         mapping.data = base.wrapping_add((start - from) as usize).cast();
         if !mapping.data.is_aligned() {
-            return Err(Error::Device(format!(
-                "{buffer:?}: the driver mapped it at an odd address"
-            )));
+            return Err(Error::Device(format!("{buffer:?}: the driver mapped it at an odd address")));
         }
         Ok(mapping)
     }
