@@ -71,14 +71,13 @@ impl<'a> Recorder<'a> {
     /// # Errors
     /// Those of `work`.
     pub fn scope<R>(&mut self, scope: &str, work: impl FnOnce(&mut Self) -> Result<R>) -> Result<R> {
-        let outer = self.scope.clone();
-        self.scope = self.stage(scope);
+        let outer = self.enter(scope);
         let result = work(self);
-        self.scope = outer;
+        self.leave(outer);
         result
     }
 
-    /// As [`Recorder::scope`], for callers that hold the recorder inside something else; give what it returns to
+    /// As [`Recorder::scope`], where no closure can hold the recorder; returns the outer scope for
     /// [`Recorder::leave`].
     pub fn enter(&mut self, scope: &str) -> String {
         let inner = self.stage(scope);

@@ -111,8 +111,7 @@ fn check(wgsl: &str) -> std::result::Result<(wgpu::naga::Module, wgpu::naga::val
         let hint = if labels.is_empty() { String::new() } else { format!(" ({})", labels.join("; ")) };
         (format!("{}{hint}", e.message()), span)
     })?;
-    let capabilities =
-        valid::Capabilities::default() | valid::Capabilities::SUBGROUP | valid::Capabilities::SHADER_FLOAT16_IN_FLOAT32;
+    let capabilities = valid::Capabilities::default() | valid::Capabilities::SUBGROUP;
     let info = valid::Validator::new(valid::ValidationFlags::all(), capabilities).validate(&module).map_err(|e| {
         let span = e.spans().next().and_then(|(span, _)| span.to_range());
         (chain(e.as_inner()), span)
@@ -145,5 +144,11 @@ fn import_error(stem: &str, error: wesl::Error, resolver: &VirtualResolver<'_>) 
         _ => None,
     };
     let line = line.map(|l| format!(":{l}")).unwrap_or_default();
-    format!("shaders/{file}.wgsl{line}: {}", found.error)
+    let message = found.error.to_string();
+    // The parser puts byte offsets in front; the line says it better.
+    let message = match message.split_once(": ") {
+        Some((offsets, rest)) if offsets.starts_with("chars ") => rest,
+        _ => &message,
+    };
+    format!("shaders/{file}.wgsl{line}: {message}")
 }
