@@ -15,9 +15,9 @@ from typing import TYPE_CHECKING, Any, Literal, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from .errors import SceneError
 from .material import Material
 from .normals import mend_normals, smooth_normals, smoothing_groups
+from .validate import freeze
 
 if TYPE_CHECKING:
     from . import _core
@@ -67,12 +67,6 @@ class Geometry:
                 array.flags.writeable = False
         self.core = core or _core.Mesh(positions, triangles, normals, uvs, colors, name)
         self._groups: NDArray[np.intp] | None = None
-        if self.core.report["triangles"] == 0:
-            flat, wild = self.core.report["degenerate"], self.core.report["not_finite"]
-            raise SceneError(
-                f"mesh {name!r} has no triangle left: of {len(triangles)}, {flat} have no area and {wild} "
-                "have a vertex that is NaN or infinite; allowed: at least one good triangle"
-            )
 
     @classmethod
     def shared(
@@ -207,6 +201,10 @@ class MeshInstance:
 
     def __getstate__(self) -> dict[str, Any]:
         return {**self.__dict__, "_cache": {}}
+
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        self.__dict__.update(state)
+        freeze(self.transform)  # pickling forgets it
 
     def _core_instance(self) -> _core.Instance:
         """Return the instance on the core's side, made once: the record never changes."""

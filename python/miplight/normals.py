@@ -68,7 +68,7 @@ def mend_normals(
         How many used vertices needed a replacement.
     """
     with np.errstate(over="ignore", invalid="ignore"):
-        unit = _unit_rows(np.where(np.isfinite(normals).all(axis=1)[:, None], normals, 0.0))
+        unit = _unit_rows(np.where(np.isfinite(normals).all(axis=1, keepdims=True), normals, 0.0))
     missing: NDArray[np.bool_] = np.asarray(~unit.any(axis=1))
     if missing.any():
         unit[missing] = smooth_normals(positions, triangles)[missing]

@@ -45,10 +45,11 @@ SINGULAR_RATIO = 1e-10
 def show(value: object) -> str:
     """Shorten a value for an error message: small arrays in full, larger ones by shape and dtype."""
     if isinstance(value, np.ndarray):
-        if value.size <= 16:
-            return f"{np.array2string(value, separator=', ', threshold=16)} ({value.dtype})"
+        if 0 < value.size <= 16:
+            digits = " ".join(np.array2string(value, separator=", ", threshold=16).split())  # on one line
+            return f"{digits} ({value.dtype})"
         return f"an array of shape {value.shape}, {value.dtype}"
-    text = repr(value)
+    text = " ".join(repr(value).split())
     return text if len(text) <= 120 else f"{text[:100]}… ({type(value).__name__})"
 
 

@@ -111,7 +111,8 @@ fn check(wgsl: &str) -> std::result::Result<(wgpu::naga::Module, wgpu::naga::val
         let hint = if labels.is_empty() { String::new() } else { format!(" ({})", labels.join("; ")) };
         (format!("{}{hint}", e.message()), span)
     })?;
-    let capabilities = valid::Capabilities::default() | valid::Capabilities::SUBGROUP;
+    let capabilities =
+        valid::Capabilities::default() | valid::Capabilities::SUBGROUP | valid::Capabilities::SHADER_FLOAT16_IN_FLOAT32;
     let info = valid::Validator::new(valid::ValidationFlags::all(), capabilities).validate(&module).map_err(|e| {
         let span = e.spans().next().and_then(|(span, _)| span.to_range());
         (chain(e.as_inner()), span)

@@ -109,16 +109,16 @@ def test_settings_are_checked_by_the_core_as_well(room: ml.Scene, camera: ml.Cam
 
 
 def test_what_the_check_raises_ends_the_render(room: ml.Scene) -> None:
-    class Stop(Exception):
+    class EnoughError(Exception):
         pass
 
     def stop() -> None:
-        raise Stop("enough")
+        raise EnoughError("enough")
 
     core = _core.Renderer("auto")
     camera = ml.Camera.look_at((0, 1.6, 6), (0, 1.2, 0), width=512, height=512)
     job = (room._core_snapshot(), camera._core_camera(), {"light_samples": 1024}, [])
-    with pytest.raises(Stop, match="enough"):
+    with pytest.raises(EnoughError, match="enough"):
         core.render(*job, stop)
     # the interrupted frame leaves nothing behind
     small = (job[0], camera.replace(width=16, height=16)._core_camera(), {"light_samples": 4}, [])

@@ -25,7 +25,7 @@ def cluttered_interior(triangles: int = 100_000, seed: int = 0) -> trimesh.Scene
     Parameters
     ----------
     triangles : int, default 100,000
-        60,000 or more, met within 1 %; the rock on its stand takes what the rest leaves.
+        75,000 or more, met within 1 %; the rock on its stand takes what the rest leaves.
     seed : int, default 0
         Where the small things lie, and their sizes and colours.
 
@@ -35,7 +35,7 @@ def cluttered_interior(triangles: int = 100_000, seed: int = 0) -> trimesh.Scene
         Y is up, metres; the floor is at y = 0 and centred on x = z = 0. ``metadata["view"]`` looks into
         the room from its open side; ``metadata["lights"]`` are the window and a lamp above the table.
     """
-    budget = as_count(triangles, "triangles", at_least=60_000)
+    budget = as_count(triangles, "triangles", at_least=75_000)
     random = np.random.default_rng(as_count(seed, "seed", at_least=0))
     place = Place()
     _add_shell(place)
