@@ -37,8 +37,8 @@ def srgb_to_linear(image: ArrayLike) -> NDArray[np.float32]:
     Examples
     --------
     >>> import miplight as ml, numpy as np
-    >>> ml.srgb_to_linear(np.array([0, 128, 255], dtype=np.uint8)).round(4).tolist()
-    [0.0, 0.21590000391006470, 1.0]
+    >>> ml.srgb_to_linear(np.array([0, 188, 255], dtype=np.uint8)).astype(float).round(3).tolist()
+    [0.0, 0.503, 1.0]
     """
     allowed = "uint8, uint16, or floats in [0, 1], without an alpha channel (image[..., :3])"
     array = as_numbers(image, "image", allowed)

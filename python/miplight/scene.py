@@ -288,8 +288,11 @@ class Scene:
         return Named(self._meshes, "mesh")
 
     @property
-    def lights(self) -> Mapping[str, Light]:
-        """Lights by name, in the order they were added: a live view whose lights may be changed."""
+    def lights(self) -> Mapping[str, Any]:
+        """Lights (`AreaLight` or `SpotLight`) by name, in the order they were added.
+
+        A live view: change their properties and the next render shows it.
+        """
         return Named(self._lights, "light")
 
     @property

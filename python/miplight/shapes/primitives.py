@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 from collections.abc import Iterable, Sequence
 from typing import Any
 
@@ -61,14 +62,20 @@ def box(extents: ArrayLike = (1.0, 1.0, 1.0), center: ArrayLike = (0.0, 0.0, 0.0
     center : array_like, (3,), default (0, 0, 0)
     """
     size, middle = as_vector(extents, "extents"), as_vector(center, "center")
+    vertices, faces, uv = _unit_box()
+    return mesh(vertices * size + middle, faces, uv)
+
+
+@functools.cache
+def _unit_box() -> tuple[NDArray[np.float64], NDArray[np.int64], NDArray[np.float64]]:
     sides = []
-    for axis in range(3):
-        u, v = np.roll(np.eye(3), axis + 1, axis=1)[0], np.roll(np.eye(3), axis + 2, axis=1)[0]
-        normal = np.eye(3)[axis]
+    for normal in np.eye(3):
+        u, v = np.roll(normal, 1), np.roll(normal, 2)
         for sign in (1.0, -1.0):
             first, second = (u, v) if sign > 0 else (v, u)
-            sides.append(quad((sign * normal - u - v) * size / 2 + middle, first * size, second * size))
-    return merge(sides)
+            sides.append(quad((sign * normal - u - v) / 2, first, second))
+    whole = merge(sides)
+    return np.array(whole.vertices), np.array(whole.faces), np.array(whole.visual.uv)
 
 
 def merge(meshes: Iterable[trimesh.Trimesh]) -> trimesh.Trimesh:
