@@ -6,6 +6,22 @@ from typing import Any, final
 import numpy as np
 from numpy.typing import NDArray
 
+__all__ = [
+    "AreaLight",
+    "Frame",
+    "Instance",
+    "KernelRunner",
+    "Mesh",
+    "Renderer",
+    "Snapshot",
+    "SpotLight",
+    "Texture",
+    "adapters",
+    "presets",
+    "setting_specs",
+    "version",
+]
+
 @final
 class Mesh:
     def __new__(
@@ -15,7 +31,7 @@ class Mesh:
         normals: NDArray[np.float32] | None = None,
         uvs: NDArray[np.float32] | None = None,
         colors: NDArray[np.float32] | None = None,
-        name: str = "",
+        name: str = ...,
     ) -> Mesh: ...
     @property
     def id(self) -> int: ...
@@ -110,6 +126,19 @@ class Frame:
     def width(self) -> int: ...
     @property
     def height(self) -> int: ...
+
+@final
+class KernelRunner:
+    def __new__(cls, adapter: str) -> KernelRunner: ...
+    def run(
+        self,
+        stem: str,
+        entry: str,
+        inputs: dict[str, NDArray[np.uint8]],
+        threads: int,
+        groups: bool = False,
+        text: str | None = None,
+    ) -> dict[str, NDArray[np.uint8]]: ...
 
 def adapters() -> list[dict[str, Any]]: ...
 def setting_specs() -> list[dict[str, Any]]: ...
