@@ -15,6 +15,7 @@ from ._table import PRESETS
 from .camera import Camera
 from .errors import MiplightError, SceneError, SettingsError
 from .frame import Frame
+from .frame_files import SAVED, checked_suffix
 from .light import AreaLight
 from .renderer import Renderer, SoftwareAdapterWarning, adapters
 from .scene import Scene
@@ -101,11 +102,9 @@ def render(
 
     A file without lights gets one above it; a file without cameras is seen from the front.
     """
+    checked_suffix(target, SAVED)  # before the work, not after it
     settings = _settings(preset, changes)
-    scene = _load(source)
-    view = _view(scene, camera, size)
-    if not scene.lights:
-        scene.add_light(_light_above(scene))
+    scene, view = _load(source, camera, size)
     with Renderer(adapter) as renderer:
         frame = renderer.render(scene, view, settings)
         click.echo(str(frame.stats))
@@ -135,10 +134,7 @@ def compare(
     from . import metrics, mitsuba
 
     settings = _settings(preset, changes)
-    scene = _load(source)
-    view = _view(scene, camera, size)
-    if not scene.lights:
-        scene.add_light(_light_above(scene))
+    scene, view = _load(source, camera, size)
     with Renderer(adapter) as renderer:
         frame = renderer.render(scene, view, settings, outputs=("direct", "surface_mask", "image"))
         reference = mitsuba.reference(scene, view, spp=spp, max_depth=2, part="direct")
@@ -181,10 +177,13 @@ def _number_or_text(text: str) -> int | float | str | None:
     return None if text == "None" else text
 
 
-def _load(source: Path) -> Scene:
-    if source.suffix.lower() == ".xml":
-        return Scene.from_mitsuba(str(source))
-    return Scene.from_trimesh(source)
+def _load(source: Path, camera: str | None, size: tuple[int, int] | None) -> tuple[Scene, Camera]:
+    is_mitsuba = source.suffix.lower() == ".xml"
+    scene = Scene.from_mitsuba(str(source)) if is_mitsuba else Scene.from_trimesh(source)
+    view = _view(scene, camera, size)
+    if not scene.lights:
+        scene.add_light(_light_above(scene))
+    return scene, view
 
 
 def _view(scene: Scene, name: str | None, size: tuple[int, int] | None) -> Camera:

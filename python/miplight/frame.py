@@ -279,7 +279,7 @@ class Frame:
             If the file cannot be written.
         """
         target = Path(path)
-        suffix = frame_files.checked_suffix(target, (".exr", ".png", ".npz"))
+        suffix = frame_files.checked_suffix(target, frame_files.SAVED)
         if suffix == ".png":
             target.write_bytes(self._png(exposure))
         elif exposure is not None:

@@ -32,6 +32,10 @@ _NO_STATS: dict[str, Any] = {
 }
 
 
+SAVED = (".exr", ".png", ".npz")
+"""Suffixes that a frame can be written to."""
+
+
 def checked_suffix(path: Path, allowed: tuple[str, ...]) -> str:
     """The lower-case suffix of `path`.
 
