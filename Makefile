@@ -24,7 +24,7 @@ help: ## Show this list
 	@grep -hE '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:.*## /\t/' | expand -t 14
 
 .PHONY: setup
-setup: $(STAMP)/vulkan $(STAMP)/extension ## Make .venv, a Vulkan driver if there is none, and the extension
+setup: $(STAMP)/system $(STAMP)/extension ## Make .venv, a Vulkan driver if there is none, and the extension
 
 .PHONY: demo
 demo: setup ## Render Spot in a room and a colonnade of half a million triangles
@@ -45,7 +45,7 @@ lint: setup ## Formatting, lints and types (clippy comes with test-rust)
 CLIPPY := RUSTC_WORKSPACE_WRAPPER="$$(rustc --print sysroot)/bin/clippy-driver" CLIPPY_ARGS=-Dwarnings
 
 .PHONY: test-rust
-test-rust: $(STAMP)/vulkan $(STAMP)/extension ## Clippy and the Rust tests
+test-rust: $(STAMP)/system $(STAMP)/extension ## Clippy and the Rust tests
 	$(CLIPPY) cargo build --release --features python --config 'profile.release.package.miplight.opt-level=0'
 	$(CLIPPY) cargo test --release --no-run
 	$(CLIPPY) cargo test --release
@@ -71,9 +71,9 @@ $(STAMP)/venv:
 	$(BIN)/python -m pip install --quiet --upgrade pip "maturin>=1.9,<2"
 	mkdir -p $(STAMP) && touch $@
 
-# A renderer needs some Vulkan driver; Mesa's software one also brings the LLVM that Mitsuba wants.
-$(STAMP)/vulkan: $(STAMP)/venv tools/ensure_vulkan.sh
-	bash tools/ensure_vulkan.sh
+# A Vulkan driver for the renderer, an LLVM for Mitsuba.
+$(STAMP)/system: $(STAMP)/venv tools/ensure_system.sh
+	bash tools/ensure_system.sh
 	touch $@
 
 # maturin also installs the packages that pyproject.toml names
