@@ -31,27 +31,25 @@ def smooth_normals(
     (V, 3) float64
         Unit normals; zero where a vertex has no triangle with an area.
     """
-    count = len(positions)
-    corners = positions[triangles]
-    good = np.isfinite(corners).all(axis=(1, 2))
-    corners, triangles = corners[good], triangles[good]
-    if len(corners) == 0:
-        return np.zeros((count, 3))
-    corners = corners - corners.reshape(-1, 3).mean(axis=0)
-    corners /= np.abs(corners).max() or 1.0
-    edges = np.roll(corners, -1, axis=1) - corners  # edge k runs from corner k to the next
-    faces = np.cross(edges[:, 0], -edges[:, 2])
+    finite: NDArray[np.bool_] = np.asarray(np.isfinite(positions).all(axis=1))
+    triangles = triangles[finite[triangles].all(axis=1)]
+    if len(triangles) == 0:
+        return np.zeros((len(positions), 3))
+    middle, size = _middle_and_size(positions[triangles.ravel()])
+    local = (np.where(finite[:, None], positions, 0.0) - middle) / size
+    corners = [local[triangles[:, k]] for k in range(3)]
+    edges = [corners[1] - corners[0], corners[2] - corners[1], corners[0] - corners[2]]
+    faces = np.cross(edges[0], edges[1])
     area = np.linalg.norm(faces, axis=1)
     faces /= np.where(area > 0, area, 1.0)[:, None]
-    index = triangles.astype(np.intp) if groups is None else groups[triangles]
-    total = np.zeros((count if groups is None else int(groups.max()) + 1, 3))
+    total = np.zeros((len(positions) if groups is None else int(groups.max()) + 1, 3))
     for k in range(3):
-        along, back = edges[:, k], -edges[:, k - 1]
-        # atan2 keeps its precision for slivers, where acos does not
-        angle = np.arctan2(area, np.einsum("ij,ij->i", along, back))
-        weight = np.where(area > 0, angle, 0.0)
+        index = triangles[:, k].astype(np.intp) if groups is None else groups[triangles[:, k]]
+        # atan2 keeps its precision for slivers, where acos does not; without an area it gives 0 or pi
+        angle = np.arctan2(area, -np.einsum("ij,ij->i", edges[k], edges[k - 1]))
+        angle[area == 0] = 0.0
         for axis in range(3):
-            total[:, axis] += np.bincount(index[:, k], weight * faces[:, axis], minlength=len(total))
+            total[:, axis] += np.bincount(index, angle * faces[:, axis], minlength=len(total))
     return _unit_rows(total if groups is None else total[groups])
 
 
@@ -91,6 +89,12 @@ def smoothing_groups(positions: NDArray[np.float64], normals: NDArray[np.float32
     rows = np.ascontiguousarray(np.hstack([positions, normals.astype(np.float64)]) + 0.0)
     keys = rows.view([("", np.float64)] * 6).ravel()
     return np.unique(keys, return_inverse=True)[1].reshape(-1)
+
+
+def _middle_and_size(points: NDArray[np.float64]) -> tuple[NDArray[np.float64], float]:
+    low, high = points.min(axis=0), points.max(axis=0)
+    middle: NDArray[np.float64] = low + (high - low) / 2
+    return middle, float((high - low).max()) or 1.0
 
 
 def _unit_rows(rows: NDArray[np.float64]) -> NDArray[np.float64]:
