@@ -105,14 +105,14 @@ const LEVEL: Kind = Kind::Int { min: 0, max: 16, only: &[] };
 
 /// The table of all settings, in the order in which they are documented.
 pub const SPECS: &[Spec] = &[
-    choice("direct", OFF_ON, OFF_ON, "on", "Light that comes straight from the lights.", "[KV91]"),
+    choice("direct", OFF_ON, OFF_ON, "on", "Light that comes straight from the lights.", "[SW91]"),
     choice(
         "indirect",
         &["off", "splat", "gather", "clustered", "hierarchical", "lpv", "final-gather"],
         &["off", "final-gather"],
         "off",
         "How light that was reflected before is found.",
-        "[KV91]",
+        "[Kaj86]",
     ),
     int("bounces", [1, 64], 1, "Reflections before the last one; `final-gather` only.", "[Kaj86]"),
     int("gather_rays", [1, 65_536], 256, "Stratified hemisphere rays a pixel; `final-gather` only.", "[WRC88]"),
