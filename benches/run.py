@@ -50,11 +50,11 @@ def _about(renderer: ml.Renderer) -> dict[str, Any]:
 def _errors(renderer: ml.Renderer, work: workloads.Workload, spp: int) -> dict[str, float]:
     frame = renderer.render(work.scene, work.camera, work.settings)
     reference = ml.mitsuba.reference(work.scene, work.camera, spp=spp, max_depth=work.max_depth)
-    options = {"mask": frame.surface_mask}
+    image, mask = frame.image, frame.surface_mask
     return {
-        "relative_rmse": ml.metrics.relative_rmse(frame.image, reference, trim=0.001, **options),
-        "relative_rmse_untrimmed": ml.metrics.relative_rmse(frame.image, reference, **options),
-        "median_relative_error": ml.metrics.median_relative_error(frame.image, reference, **options),
+        "relative_rmse": ml.metrics.relative_rmse(image, reference, mask=mask, trim=0.001),
+        "relative_rmse_untrimmed": ml.metrics.relative_rmse(image, reference, mask=mask),
+        "median_relative_error": ml.metrics.median_relative_error(image, reference, mask=mask),
     }
 
 

@@ -74,9 +74,9 @@ def markdown(result: dict[str, Any]) -> str:
         f"# {result['adapter']}",
         f"{result['driver']}, {result['backend']}, {result['trace']} rays; {result['machine']}; "
         f"version {result['version']}, commit {result['commit']}, {result['date']}.",
-        "Wall time of a render with outputs image and fragments, the median of five after two (one, if a "
-        "frame takes more than five seconds); the camera and every light change a little before each. A still "
-        "frame changes nothing, a light-only frame the radiance.",
+        "Wall time of a render with outputs image and fragments, the median of five after two (one, if "
+        "a frame takes more than five seconds); the camera and every light change a little before each. A "
+        "still frame changes nothing, a light-only frame the radiance.",
         "## Frames",
         _frames(rows),
         "## Passes",

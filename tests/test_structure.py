@@ -12,10 +12,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-
-import miplight as ml
-from miplight._table import KNOBS, PRESETS
-from structure_rules import (
+from tests.structure_rules import (
     ROOT,
     TOP,
     bibliography,
@@ -25,6 +22,9 @@ from structure_rules import (
     named,
     python_functions,
 )
+
+import miplight as ml
+from miplight._table import KNOBS, PRESETS
 
 LIMITS = {".rs": 400, ".py": 400, ".wgsl": 250}
 FUNCTION_LIMIT = 60
