@@ -11,8 +11,8 @@ struct View {
     fy: f32,
     cx: f32,
     cy: f32,
-    pixels: u32,        // of the image
-    tiled: u32,         // of the tiles that cover it
+    first: u32,         // place in the tile order where this list begins
+    tiled: u32,         // pixels of the tiles that cover the image
 }
 
 // Through the pixel's centre, scaled so that the ray's t is the distance along the view axis.

@@ -50,8 +50,8 @@ pub struct View {
     pub cx: f32,
     /// Principal point, internal pixels.
     pub cy: f32,
-    /// Internal pixels.
-    pub pixels: u32,
+    /// Place in the tile order where a list of rays begins.
+    pub first: u32,
     /// Pixels of the tiles that cover the image.
     pub tiled: u32,
 }
@@ -72,9 +72,14 @@ impl View {
             fy: camera.fy as f32,
             cx: camera.cx as f32,
             cy: camera.cy as f32,
-            pixels: camera.width * camera.height,
+            first: 0,
             tiled: tiles * TILE_PIXELS,
         }
+    }
+
+    /// Internal pixels.
+    pub fn pixels(&self) -> usize {
+        self.width as usize * self.height as usize
     }
 }
 

@@ -10,7 +10,7 @@ use crate::error::{Error, Result};
 use crate::gpu::{Buffer, Gpu, Usage};
 use crate::scene::material::Texture;
 use crate::scene::mesh::Mesh;
-use crate::scene::prepare::{InstanceRecord, Prepared};
+use crate::scene::prepare::{InstanceRecord, LIGHT_ROWS, Prepared, RADIANCE_ROW};
 
 /// Device copies of a scene's parts.
 #[derive(Debug)]
@@ -126,6 +126,8 @@ impl SceneBuffers {
         Ok(true)
     }
 
+    /// Radiance and texels are written in place, which is no rebuild; `true` when the table was made anew or a light
+    /// moved.
     fn sync_lights(&mut self, gpu: &Gpu, scene: &Prepared) -> Result<bool> {
         let ids: Vec<u64> = scene.light_textures.values().map(|t| t.id).collect();
         if scene.light_rows == self.light_rows && ids == self.light_textures && self.lights.is_some() {
@@ -135,10 +137,12 @@ impl SceneBuffers {
         for texture in scene.light_textures.values() {
             table.extend(texture.texels.iter().map(|[r, g, b]| [*r, *g, *b, 0.0]));
         }
+        let in_place = self.lights.as_ref().is_some_and(|b| b.len() == table.len());
+        let rebuilt = !in_place || !same_places(&scene.light_rows, &self.light_rows);
         send(gpu, "lights", &mut self.lights, &table)?;
         self.light_rows.clone_from(&scene.light_rows);
         self.light_textures = ids;
-        Ok(true)
+        Ok(rebuilt)
     }
 
     /// Vertices and triangles.
@@ -166,6 +170,12 @@ impl Default for SceneBuffers {
     fn default() -> Self {
         Self::new()
     }
+}
+
+/// Whether two tables differ in radiance alone.
+fn same_places(a: &[[f32; 4]], b: &[[f32; 4]]) -> bool {
+    let same = |(i, (a, b)): (usize, (&[f32; 4], &[f32; 4]))| i % LIGHT_ROWS == RADIANCE_ROW || a == b;
+    a.len() == b.len() && a.iter().zip(b).enumerate().all(same)
 }
 
 /// Writes `data` into the buffer, in place where it fits exactly as it is.

@@ -87,7 +87,7 @@ impl Kept {
                 let (width, height) = (self.view.width, self.view.height);
                 let pixels = match buffer {
                     Some(buffer) => three(&gpu.read(buffer)?),
-                    None => vec![0.0; 3 * self.view.pixels as usize],
+                    None => vec![0.0; 3 * self.view.pixels()],
                 };
                 Ok(Image { width, height, pixels: Pixels::Rgb(pixels) })
             }

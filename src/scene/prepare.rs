@@ -13,6 +13,8 @@ use super::snapshot::{Instance, Snapshot};
 
 /// Rows of the lights' table a light; twin of `LIGHT_ROWS` in `shaders/common/light.wgsl`.
 pub const LIGHT_ROWS: usize = 6;
+/// The row of a light that holds its radiance.
+pub const RADIANCE_ROW: usize = 4;
 /// `InstanceRecord::light` of a surface that is no light.
 pub const NO_LIGHT: u32 = u32::MAX;
 const SMOOTH: u32 = 1;

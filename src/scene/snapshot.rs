@@ -79,19 +79,13 @@ impl Snapshot {
         self.spot_lights.iter().try_for_each(SpotLight::check)
     }
 
-    /// World-space box of meshes and area lights; `None` when there are none.
-    pub fn world_bounds(&self) -> Option<[DVec3; 2]> {
-        let boxes = self.instances.iter().map(Instance::world_bounds);
-        let lights = self.area_lights.iter().flat_map(|l| {
-            let far = l.corner + l.edge_u + l.edge_v;
-            [l.corner, l.corner + l.edge_u, l.corner + l.edge_v, far].map(|p| [p, p])
-        });
-        boxes.chain(lights).reduce(|a, b| [a[0].min(b[0]), a[1].max(b[1])])
-    }
-
-    /// What scene space is relative to: the middle of the scene (N7).
+    /// What scene space is relative to: the middle of the meshes, or of the lights where there are none (N7). Moving a
+    /// light does not move it, so that nothing else has to follow.
     pub fn anchor(&self) -> DVec3 {
-        self.world_bounds().map_or(DVec3::ZERO, |[lo, hi]| (lo + hi) * 0.5)
+        let join = |a: [DVec3; 2], b: [DVec3; 2]| [a[0].min(b[0]), a[1].max(b[1])];
+        let meshes = self.instances.iter().map(Instance::world_bounds).reduce(join);
+        let lights = || self.area_lights.iter().map(|l| [l.corner, l.corner]).reduce(join);
+        meshes.or_else(lights).map_or(DVec3::ZERO, |[lo, hi]| (lo + hi) * 0.5)
     }
 
     /// How many lights of both kinds.

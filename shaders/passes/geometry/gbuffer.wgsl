@@ -22,7 +22,7 @@ fn main(
     @builtin(local_invocation_index) lane: u32,
 ) {
     let i = item_index(grid, group, groups, 64u, lane);
-    let pixel = pixel_in_tile_order(i, view.width);
+    let pixel = pixel_in_tile_order(view.first + i, view.width);
     if i >= grid.end || pixel.x >= view.width || pixel.y >= view.height {
         return;
     }

@@ -21,7 +21,7 @@ fn main(
     if i >= grid.end {
         return;
     }
-    let pixel = pixel_in_tile_order(i, view.width);
+    let pixel = pixel_in_tile_order(view.first + i, view.width);
     if pixel.x >= view.width || pixel.y >= view.height {
         rays[i] = inactive_ray();
         return;

@@ -42,7 +42,7 @@ pub fn record(
     indirect: Option<&Buffer<[f32; 4]>>,
 ) -> Result<Images> {
     let kernel = context.kernel("composite/composite", "main")?;
-    let pixels = context.view.pixels as usize;
+    let pixels = context.view.pixels();
     let nothing: Buffer<[f32; 4]> = context.resources.buffer("nothing", 1)?;
     let images = Images {
         image: context.resources.buffer("image", pixels)?,

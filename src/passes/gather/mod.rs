@@ -38,7 +38,7 @@ fn chunk_len(context: &Context<'_, '_>, strata: u32) -> usize {
 /// # Errors
 /// Those of the device; `Cancelled`.
 pub fn record(context: &mut Context<'_, '_>, gbuffer: &GBuffer) -> Result<Direct> {
-    let irradiance = context.resources.buffer("direct_irradiance", context.view.pixels as usize)?;
+    let irradiance = context.resources.buffer("direct_irradiance", context.view.pixels())?;
     let active = context.resources.buffer("active_receivers", 1)?;
     context.recorder.clear(&irradiance)?;
     context.recorder.clear(&active)?;

@@ -2,22 +2,15 @@
 
 use crate::error::Result;
 use crate::gpu::Buffer;
-use crate::passes::Context;
 use crate::passes::visibility::Ray;
+use crate::passes::{Context, View};
 
-/// Writes a ray for each pixel of the tiles that cover the image.
+/// Writes the rays of `count` pixels from place `first` of the tile order on.
 ///
 /// # Errors
 /// Those of the device.
-pub fn record(context: &mut Context<'_, '_>) -> Result<Buffer<Ray>> {
+pub fn record(context: &mut Context<'_, '_>, rays: &Buffer<Ray>, first: usize, count: usize) -> Result<()> {
     let kernel = context.kernel("geometry/primary_rays", "main")?;
-    let count = context.view.tiled as usize;
-    let rays = context.resources.buffer("primary_rays", count)?;
-    context
-        .recorder
-        .pass("primary_rays", &kernel)
-        .uniform("view", &context.view)
-        .bind("rays", &rays)
-        .dispatch(count)?;
-    Ok(rays)
+    let view = View { first: first as u32, ..context.view };
+    context.recorder.pass("primary_rays", &kernel).uniform("view", &view).bind("rays", rays).dispatch(count)
 }

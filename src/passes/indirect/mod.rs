@@ -94,7 +94,7 @@ impl Lists {
 /// # Errors
 /// Those of the device; `Cancelled`.
 pub fn record(context: &mut Context<'_, '_>, gbuffer: &GBuffer) -> Result<Buffer<[f32; 4]>> {
-    let irradiance = context.resources.buffer("indirect_irradiance", context.view.pixels as usize)?;
+    let irradiance = context.resources.buffer("indirect_irradiance", context.view.pixels())?;
     context.recorder.clear(&irradiance)?;
     let rays = context.settings.int("gather_rays");
     let [strata_u, strata_v] = strata_grid(rays, 1.0, 1.0);
