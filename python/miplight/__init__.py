@@ -8,7 +8,12 @@ users type are degrees.
 from __future__ import annotations
 
 import importlib
+import os
 from typing import TYPE_CHECKING, Any
+
+if "XDG_RUNTIME_DIR" not in os.environ:
+    # Without a display server, Mesa's device-select layer complains on stderr; we choose adapters ourselves.
+    os.environ.setdefault("NODEVICE_SELECT", "1")
 
 from ._core import version as _version
 from .camera import Camera

@@ -51,7 +51,6 @@ def import_mitsuba() -> ModuleType:
     MiplightError
         If Mitsuba is missing, or its version is not one that this package was checked against.
     """
-    _point_to_llvm()
     try:
         import mitsuba
     except ImportError as error:
@@ -180,3 +179,7 @@ def _llvm_library(path: Path) -> tuple[int, str] | None:
     if match is None or not real.is_file() or real.stat().st_size < 1_000_000:
         return None
     return int(match.group(1) or match.group(2)), str(path)
+
+
+# Dr.Jit looks for LLVM once, when it is first imported: so this cannot wait until Mitsuba is needed.
+_point_to_llvm()

@@ -23,12 +23,13 @@ const FAR: f32 = 3e38;
 const SHADOW_END: f32 = 0.9999;
 
 // Three numbers that cover the cube evenly over a pixel's strata [Rob18]: steps of the R3 sequence from a hashed start,
-// in 32-bit fixed point so that no precision is lost; plain random ones from the second bounce on.
+// in 32-bit fixed point so that no precision is lost; plain random ones from the second bounce on. The third counter
+// keeps all draws of a pixel apart: 0 directions, 4 b + 1 lights, 4 b + 2 directions of bounce b, 3 the start.
 fn light_places(path: GatherPath) -> vec3f {
     if wave.bounce > 0u {
         return random4(vec4u(path.pixel, path.stratum, 4u * wave.bounce + 1u, wave.seed)).xyz;
     }
-    let start = pcg4d(vec4u(path.pixel, 1u, 2u, wave.seed)).xyz;
+    let start = pcg4d(vec4u(path.pixel, 0u, 3u, wave.seed)).xyz;
     let steps = vec3u(3518319155u, 2882110345u, 2360945575u) * path.stratum;
     return vec3f((start + steps) >> vec3u(8u)) * (1.0 / 16777216.0);
 }
