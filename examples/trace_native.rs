@@ -104,10 +104,16 @@ fn receivers(scene: &TraceScene, count: usize) -> Vec<Receiver> {
     rays.iter().zip(&hits).enumerate().map(receiver).collect()
 }
 
+/// Cell of a stratum, in Morton order: any 16 in a row, from a multiple of 16 on, fill a square.
+fn cell_of(k: usize) -> (usize, usize) {
+    let even = |v: usize| (0..4).map(|bit| (v >> (2 * bit) & 1) << bit).sum();
+    (even(k), even(k >> 1))
+}
+
 fn samples(random: &mut Random) -> Vec<[f32; 4]> {
     let cell = 2.0 / STRATA_SIDE as f32;
     let sample = |i: usize| {
-        let (x, z) = (i % STRATA_SIDE, i / STRATA_SIDE % STRATA_SIDE);
+        let (x, z) = cell_of(i % STRATA);
         [(x as f32 + random.unit()) * cell - 1.0, 4.99, (z as f32 + random.unit()) * cell - 1.0, 0.999]
     };
     (0..PATTERNS * STRATA).map(sample).collect()
@@ -119,8 +125,9 @@ fn hemisphere(receivers: &[Receiver], random: &mut Random) -> Vec<Ray> {
     for tile in receivers.chunks(64) {
         for k in 0..STRATA {
             for r in tile {
-                let u = ((k % STRATA_SIDE) as f32 + random.unit()) / STRATA_SIDE as f32;
-                let v = ((k / STRATA_SIDE) as f32 + random.unit()) / STRATA_SIDE as f32;
+                let (x, y) = cell_of(k);
+                let u = (x as f32 + random.unit()) / STRATA_SIDE as f32;
+                let v = (y as f32 + random.unit()) / STRATA_SIDE as f32;
                 let n = Vec3::from(r.normal_geo);
                 let (s, t) = n.any_orthonormal_pair();
                 let (radius, phi) = (u.sqrt(), TAU * v);

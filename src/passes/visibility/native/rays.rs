@@ -1,6 +1,7 @@
 //! A packet of rays: in scene space, and as an instance sees it.
 use super::super::trace_native::Ray;
 use super::instance::Placed;
+use super::shaft::Interval;
 use super::simd::{Lanes, Mask, splat3, three};
 
 /// One value per ray; vectors load its first lanes.
@@ -61,7 +62,19 @@ impl Bundle {
 
     /// Up to one packet of rays; the rest of the lanes idle.
     #[inline(always)]
-    pub(crate) fn fill(&mut self, rays: &[Ray]) {
+    pub(crate) fn fill<P: Lanes>(&mut self, rays: &[Ray]) {
+        self.active = if rays.len() >= 16 { 0xffff } else { (1 << rays.len()) - 1 };
+        if rays.len() == P::N {
+            // Scalar stores would stall the vector loads that follow.
+            let values: &[f32] = bytemuck::cast_slice(rays);
+            for axis in 0..3 {
+                P::load_strided(&values[axis..], 8).store(&mut self.origin[axis].0);
+                P::load_strided(&values[axis + 4..], 8).store(&mut self.direction[axis].0);
+            }
+            P::load_strided(&values[3..], 8).store(&mut self.t_min.0);
+            P::load_strided(&values[7..], 8).store(&mut self.t_max.0);
+            return;
+        }
         for (lane, ray) in rays.iter().enumerate().take(16) {
             for axis in 0..3 {
                 self.origin[axis].0[lane] = ray.origin[axis];
@@ -70,7 +83,6 @@ impl Bundle {
             self.t_min.0[lane] = ray.t_min;
             self.t_max.0[lane] = ray.t_max;
         }
-        self.active = if rays.len() >= 16 { 0xffff } else { (1 << rays.len()) - 1 };
     }
 
     /// Drops the rays that can hit nothing by the rules of the trace; what their lanes hold is never looked at.
@@ -89,6 +101,17 @@ impl Bundle {
     }
 }
 
+/// Smallest and largest value of each row among the lanes of `active`.
+#[inline(always)]
+pub(crate) fn interval<P: Lanes>(rows: &[Row; 3], active: u32) -> Interval {
+    let mask = P::M::from_bits(active);
+    let (above, below) = (P::splat(f32::INFINITY), P::splat(f32::NEG_INFINITY));
+    Interval {
+        lo: three!(i => P::select(mask, rows[i].get(), above).smallest()),
+        hi: three!(i => P::select(mask, rows[i].get(), below).largest()),
+    }
+}
+
 /// Component of a direction below this share of the largest one is raised to it for the box tests, so that no
 /// reciprocal is infinite. The shift, 2^-32 of the way, is far inside [`MARGIN`].
 const FLAT: f32 = 1.0 / 4_294_967_296.0;
@@ -96,7 +119,7 @@ const FLAT: f32 = 1.0 / 4_294_967_296.0;
 /// Boxes are entered with a margin of this share of |origin| + |box|, in space: 16 units in the last place.
 /// It covers the slab arithmetic [Ize13] and that of the triangle test, so that no hit of `triangle::cross` is
 /// culled, whatever the tree; that is why answers do not depend on the traversal.
-const MARGIN: f32 = 1.0 / 1_048_576.0;
+pub(crate) const MARGIN: f32 = 1.0 / 1_048_576.0;
 
 /// Directions of a packet, prepared.
 #[derive(Clone)]

@@ -30,6 +30,8 @@ pub(crate) trait Lanes:
     fn splat(value: f32) -> Self;
     /// The first `N` values; panics when there are fewer.
     fn load(values: &[f32]) -> Self;
+    /// Every `stride`-th value, from the first on; panics when there are fewer.
+    fn load_strided(values: &[f32], stride: usize) -> Self;
     /// Writes the first `N` values; panics when there are fewer.
     fn store(self, values: &mut [f32]);
     /// `self * b + c`, one rounding.
@@ -56,6 +58,10 @@ pub(crate) trait Lanes:
     fn not_gt(self, other: Self) -> Self::M;
     /// `yes` in the lanes of `mask`, else `no`.
     fn select(mask: Self::M, yes: Self, no: Self) -> Self;
+    /// Smallest value of all lanes.
+    fn smallest(self) -> f32;
+    /// Largest value of all lanes.
+    fn largest(self) -> f32;
     /// Value of one lane.
     #[inline(always)]
     fn lane(self, lane: usize) -> f32 {
