@@ -84,7 +84,7 @@ fn parameters(leaf_size: usize) -> BvhBuildParams {
         post_collapse_reinsertion_batch_ratio_multiplier: 1.0,
         sort_precision: SortPrecision::U64,
         max_prims_per_leaf: leaf_size as u32,
-        collapse_traversal_cost: 3.0,
+        collapse_traversal_cost: 1.0,
     }
 }
 

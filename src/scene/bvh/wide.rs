@@ -85,6 +85,18 @@ impl Node8 {
     }
 }
 
+impl Node8 {
+    /// Adds a child of another node; there must be a free slot.
+    pub fn copy_child(&mut self, from: &Self, slot: usize) {
+        let to = self.count as usize;
+        for row in 0..6 {
+            self.bounds[row][to] = from.bounds[row][slot];
+        }
+        self.children[to] = from.children[slot];
+        self.count += 1;
+    }
+}
+
 /// Up to four triangles, structure of arrays: 160 bytes. Free slots repeat the first triangle.
 #[repr(C, align(32))]
 #[derive(Clone, Debug)]

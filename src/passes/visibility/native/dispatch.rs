@@ -48,7 +48,7 @@ fn closest_rays<I: Isa>(scene: &TraceScene, rays: &[Ray], hits: &mut [Hit], scra
     let n = I::Packet::N;
     let mut bundle = Bundle::IDLE;
     for (rays, hits) in rays.chunks(n).zip(hits.chunks_mut(n)) {
-        bundle.fill(rays);
+        bundle.fill::<I::Packet>(rays);
         let state = trace::<I, false>(scene, &mut bundle, scratch);
         for (lane, hit) in hits.iter_mut().enumerate() {
             let (instance, triangle) = (state.instance[lane], state.triangle[lane]);
@@ -67,7 +67,7 @@ fn any_rays<I: Isa>(scene: &TraceScene, rays: &[Ray], bits: &mut [u32], scratch:
     let mut bundle = Bundle::IDLE;
     bits.fill(0);
     for (packet, rays) in rays.chunks(n).enumerate() {
-        bundle.fill(rays);
+        bundle.fill::<I::Packet>(rays);
         let alive = trace::<I, true>(scene, &mut bundle, scratch).alive;
         for lane in set_lanes(bundle.active & !alive) {
             let ray = packet * n + lane;
@@ -162,7 +162,7 @@ pub(crate) fn shadow(
     bits: &mut [u32],
     cancel: &AtomicBool,
 ) -> u64 {
-    let columns = Columns::new(table);
+    let columns = Columns::new(table, if scene.width == SimdWidth::Avx512 { 16 } else { 8 });
     let run_length = (CHUNK / columns.strata).max(1);
     let chunks = receivers.par_chunks(run_length).zip(bits.par_chunks_mut(run_length * table.words()));
     let traced = chunks.map_init(

@@ -2,9 +2,11 @@
 pub(super) mod dispatch;
 pub(super) mod instance;
 mod packet;
+mod portal;
 mod rays;
 mod scene;
 mod shadow;
+mod shaft;
 mod simd;
 mod simd_portable;
 #[cfg(target_arch = "x86_64")]

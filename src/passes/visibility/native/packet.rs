@@ -1,12 +1,27 @@
 //! Packets: one node or triangle against all rays of a packet.
-use super::rays::{Local, Row};
-use super::simd::{Isa, Lanes, Mask, set_lanes};
+use super::rays::{Local, Row, cycle, rows};
+use super::shaft::Shaft;
+use super::simd::{Isa, Lanes, Mask, set_lanes, three};
 use super::single;
 use super::triangle::{Crossing, Shear, cross};
 use crate::scene::bvh::{Blas, Child, Node8, TriangleBlock};
 
 /// A packet with this many rays left, or fewer, is finished ray by ray.
 const SINGLE_BELOW: u32 = 4;
+
+/// A packet in the space of a mesh.
+pub(crate) struct Entered<'a, I: Isa> {
+    pub(crate) blas: &'a Blas,
+    pub(crate) local: Local<'a>,
+    pub(crate) shaft: Shaft<I>,
+    pub(crate) instance: u32,
+}
+
+/// Where a group of rays enters an instance: a few subtrees as the children of a made-up node.
+pub(crate) struct Portal {
+    pub(crate) instance: u32,
+    pub(crate) node: Node8,
+}
 
 /// What the rays of a packet know so far.
 pub(crate) struct State {
@@ -58,48 +73,57 @@ impl State {
     }
 }
 
-/// A subtree that waits, with the rays that want it.
-#[derive(Clone, Copy)]
-#[repr(align(64))]
-pub(crate) struct Entry {
-    /// Where each ray enters its box.
-    near: Row,
-    child: Child,
-    mask: u32,
+/// Subtrees that wait, with the rays that want them.
+pub(crate) struct Stack {
+    entries: Vec<(Child, u32)>,
+    /// Where each ray enters the box of an entry; closest-hit only.
+    near: Vec<Row>,
+    top: usize,
 }
 
-impl Entry {
-    const IDLE: Self = Self { near: Row([0.0; 16]), child: Child::NONE, mask: 0 };
-
-    /// The root of a tree, for all rays that still look.
-    #[inline(always)]
-    pub(crate) fn root(state: &State) -> Self {
-        Self { near: state.t_min, child: Child::ROOT, mask: state.alive }
+impl Stack {
+    fn new(depth: usize) -> Self {
+        let size = 8 * depth + 8;
+        Self { entries: vec![(Child::NONE, 0); size], near: vec![Row([0.0; 16]); size], top: 0 }
     }
 
-    /// The subtree, and the rays that still want it.
+    /// Forgets everything.
     #[inline(always)]
-    pub(crate) fn take<P: Lanes, const ANY: bool>(&self, state: &State) -> (Child, u32) {
-        let wanted = if ANY { state.alive } else { self.near.get::<P>().le(state.t.get()).bits() };
-        (self.child, self.mask & wanted)
+    pub(crate) fn clear(&mut self) {
+        self.top = 0;
+    }
+
+    /// The next subtree, and the rays that still want it.
+    #[inline(always)]
+    pub(crate) fn pop<P: Lanes, const ANY: bool>(&mut self, state: &State) -> Option<(Child, u32)> {
+        while self.top > 0 {
+            self.top -= 1;
+            let (child, mask) = self.entries[self.top];
+            let wanted = if ANY { state.alive } else { self.near[self.top].get::<P>().le(state.t.get()).bits() };
+            if mask & wanted != 0 {
+                return Some((child, mask & wanted));
+            }
+        }
+        None
     }
 }
 
 /// Buffers of one thread.
 pub(crate) struct Scratch {
-    pub(crate) scene: Vec<Entry>,
-    pub(crate) packet: Vec<Entry>,
+    pub(crate) scene: Stack,
+    pub(crate) packet: Stack,
     pub(crate) single: Vec<single::Entry>,
+    pub(crate) portals: Vec<Portal>,
 }
 
 impl Scratch {
     /// Room for trees of `depth` levels, below a top level of `scene_depth`.
     pub(crate) fn new(scene_depth: usize, depth: usize) -> Self {
-        let entries = |depth: usize| 8 * depth + 8;
         Self {
-            scene: vec![Entry::IDLE; entries(scene_depth)],
-            packet: vec![Entry::IDLE; entries(depth)],
-            single: vec![single::Entry::IDLE; entries(depth)],
+            scene: Stack::new(scene_depth),
+            packet: Stack::new(depth),
+            single: vec![single::Entry::IDLE; 8 * depth + 8],
+            portals: Vec::new(),
         }
     }
 }
@@ -118,33 +142,51 @@ pub(crate) struct Slabs<P: Lanes> {
 impl<P: Lanes> Slabs<P> {
     #[inline(always)]
     pub(crate) fn new(local: &Local, active: u32) -> Self {
-        let get = |rows: &[Row; 3]| [rows[0].get(), rows[1].get(), rows[2].get()];
         let negative = local.heading.negative;
-        let back = negative.map(|bits| bits & active != 0);
+        let back = three!(i => if negative[i] & active != 0 { 3 } else { 0 });
         Self {
-            inverse: get(&local.heading.inverse),
-            near: get(&local.near),
-            far: get(&local.far),
-            negative: negative.map(P::M::from_bits),
-            near_row: [0, 1, 2].map(|i| if back[i] { i + 3 } else { i }),
-            far_row: [0, 1, 2].map(|i| if back[i] { i } else { i + 3 }),
+            inverse: rows(&local.heading.inverse),
+            near: rows(&local.near),
+            far: rows(&local.far),
+            negative: three!(i => P::M::from_bits(negative[i])),
+            near_row: three!(i => i + back[i]),
+            far_row: three!(i => i + 3 - back[i]),
         }
     }
 
     /// Where the rays enter and leave the box of a child.
     #[inline(always)]
     pub(crate) fn test<const COHERENT: bool>(&self, node: &Node8, slot: usize) -> (P, P) {
-        let plane = |i: usize, far: bool| {
-            if COHERENT {
-                P::splat(node.bounds[if far { self.far_row[i] } else { self.near_row[i] }][slot])
-            } else {
-                let (lo, hi) = (P::splat(node.bounds[i][slot]), P::splat(node.bounds[i + 3][slot]));
-                if far { P::select(self.negative[i], lo, hi) } else { P::select(self.negative[i], hi, lo) }
-            }
-        };
-        let near = [0, 1, 2].map(|i| plane(i, false).fma(self.inverse[i], self.near[i]));
-        let far = [0, 1, 2].map(|i| plane(i, true).fma(self.inverse[i], self.far[i]));
+        let (near, far);
+        if COHERENT {
+            near = three!(i => P::splat(node.bounds[self.near_row[i]][slot]));
+            far = three!(i => P::splat(node.bounds[self.far_row[i]][slot]));
+        } else {
+            let lo = three!(i => P::splat(node.bounds[i][slot]));
+            let hi = three!(i => P::splat(node.bounds[i + 3][slot]));
+            near = three!(i => P::select(self.negative[i], hi[i], lo[i]));
+            far = three!(i => P::select(self.negative[i], lo[i], hi[i]));
+        }
+        let near = three!(i => near[i].fma(self.inverse[i], self.near[i]));
+        let far = three!(i => far[i].fma(self.inverse[i], self.far[i]));
         (near[0].max(near[1]).max(near[2]), far[0].min(far[1]).min(far[2]))
+    }
+}
+
+/// A corner relative to the origins, in the sheared order of axes.
+#[inline(always)]
+fn relative<P: Lanes, const COHERENT: bool>(
+    local: &Local,
+    corner: &[[f32; 4]; 3],
+    slot: usize,
+    axes: [usize; 3],
+    is_z: P::M,
+    is_y: P::M,
+) -> [P; 3] {
+    if COHERENT {
+        three!(i => P::splat(corner[axes[i]][slot]) - local.origin[axes[i]].get())
+    } else {
+        cycle(three!(i => P::splat(corner[i][slot]) - local.origin[i].get()), is_z, is_y)
     }
 }
 
@@ -158,26 +200,15 @@ fn block<P: Lanes, const ANY: bool, const COHERENT: bool>(
     state: &mut State,
     instance: u32,
 ) {
-    let shear = Shear {
-        x: local.heading.shear[0].get::<P>(),
-        y: local.heading.shear[1].get(),
-        z: local.heading.shear[2].get(),
-    };
+    let [x, y, z] = rows::<P>(&local.heading.shear);
+    let shear = Shear { x, y, z };
     let major = local.heading.major;
     let z = if major[2] & active != 0 { 2 } else { usize::from(major[1] & active != 0) };
     let axes = [(z + 1) % 3, (z + 2) % 3, z];
     let (is_z, is_y) = (P::M::from_bits(major[2]), P::M::from_bits(major[1]));
     for slot in 0..count {
-        let corner = |vertex: usize| {
-            let at = |axis: usize| P::splat(block.corner[vertex][axis][slot]) - local.origin[axis].get();
-            if COHERENT {
-                return axes.map(at);
-            }
-            let (px, py, pz) = (at(0), at(1), at(2));
-            let pick = |x: P, y: P, z: P| P::select(is_z, z, P::select(is_y, y, x));
-            [pick(py, pz, px), pick(pz, px, py), pick(px, py, pz)]
-        };
-        let crossing = cross(corner(0), corner(1), corner(2), &shear, P::M::from_bits(active));
+        let [a, b, c] = three!(v => relative::<P, COHERENT>(local, &block.corner[v], slot, axes, is_z, is_y));
+        let crossing = cross(a, b, c, &shear, P::M::from_bits(active));
         let Some(crossing) = crossing else { continue };
         if ANY {
             let inside = state.t_min.get::<P>().lt(crossing.t).and(crossing.t.lt(state.t.get()));
@@ -192,71 +223,83 @@ fn block<P: Lanes, const ANY: bool, const COHERENT: bool>(
     }
 }
 
-/// Traces the `active` rays of a packet through the tree of a mesh.
+/// Traces the `active` rays of a packet through the subtrees below `roots`.
 #[inline(always)]
 pub(crate) fn traverse<I: Isa, const ANY: bool, const COHERENT: bool>(
-    blas: &Blas,
-    local: &Local,
+    entered: &Entered<I>,
+    roots: &[Node8],
     active: u32,
     state: &mut State,
     scratch: &mut Scratch,
-    instance: u32,
 ) {
+    let Entered { blas, local, shaft, instance } = entered;
     let slabs = Slabs::<I::Packet>::new(local, active);
     let nodes = blas.nodes_wide();
-    scratch.packet[0] = Entry { mask: active, ..Entry::root(state) };
-    let mut top = 1;
-    while top > 0 {
-        top -= 1;
-        let (child, mask) = scratch.packet[top].take::<I::Packet, ANY>(state);
-        if mask == 0 {
-            continue;
+    let stack = &mut scratch.packet;
+    stack.clear();
+    for root in roots {
+        let mask = active & state.alive;
+        if mask != 0 {
+            descend::<I, ANY, COHERENT>(root, &slabs, shaft, mask, state, stack);
         }
+    }
+    while let Some((child, mask)) = stack.pop::<I::Packet, ANY>(state) {
         if child.is_leaf() {
             let triangles = &blas.blocks()[child.index()];
-            block::<I::Packet, ANY, COHERENT>(local, triangles, child.count(), mask, state, instance);
+            block::<I::Packet, ANY, COHERENT>(local, triangles, child.count(), mask, state, *instance);
         } else if mask.count_ones() <= SINGLE_BELOW {
             for lane in set_lanes(mask) {
-                single::traverse::<I, ANY>(blas, local, lane, child, state, &mut scratch.single, instance);
+                single::traverse::<I, ANY>(blas, local, lane, child, state, &mut scratch.single, *instance);
             }
         } else {
-            top = descend::<I::Packet, COHERENT>(&nodes[child.index()], &slabs, mask, state, &mut scratch.packet, top);
+            descend::<I, ANY, COHERENT>(&nodes[child.index()], &slabs, shaft, mask, state, stack);
         }
     }
 }
 
-/// Pushes the children of a node that rays enter, the nearest last; returns the new top of the stack.
+/// Pushes the children of a node that rays enter; for closest hits the nearest last.
 #[inline(always)]
-pub(crate) fn descend<P: Lanes, const COHERENT: bool>(
+pub(crate) fn descend<I: Isa, const ANY: bool, const COHERENT: bool>(
     node: &Node8,
-    slabs: &Slabs<P>,
+    slabs: &Slabs<I::Packet>,
+    shaft: &Shaft<I>,
     mask: u32,
     state: &State,
-    stack: &mut [Entry],
-    mut top: usize,
-) -> usize {
-    let (start, end): (P, P) = (state.t_min.get(), state.t.get());
-    let active = P::M::from_bits(mask);
-    let base = top;
-    for slot in 0..node.count as usize {
+    stack: &mut Stack,
+) {
+    let (start, end): (I::Packet, I::Packet) = (state.t_min.get(), state.t.get());
+    let active = <I::Packet as Lanes>::M::from_bits(mask);
+    let mut near_rows = [Row([0.0; 16]); 8];
+    // Entry of the first ray, rays, slot: sorted, far ones first.
+    let mut order = [0_u64; 8];
+    let mut count = 0;
+    for slot in set_lanes(shaft.test(node)) {
         let (near, far) = slabs.test::<COHERENT>(node, slot);
         let near = near.max(start);
         let hit = near.not_gt(far.min(end)).and(active).bits();
         if hit == 0 {
             continue;
         }
-        let mut entry = Entry { near: Row([0.0; 16]), child: node.children[slot], mask: hit };
-        near.store(&mut entry.near.0);
-        // Insertion by the entry of the first ray: far ones first.
-        let lane = hit.trailing_zeros() as usize;
-        let key = entry.near.0[lane];
-        let mut at = top;
-        while at > base && stack[at - 1].near.0[lane] < key {
-            stack[at] = stack[at - 1];
+        if ANY {
+            stack.entries[stack.top] = (node.children[slot], hit);
+            stack.top += 1;
+            continue;
+        }
+        near.store(&mut near_rows[slot].0);
+        let key = near_rows[slot].0[hit.trailing_zeros() as usize & 15].to_bits();
+        let key = u64::from(key) << 32 | u64::from(hit) << 8 | slot as u64;
+        let mut at = count;
+        while at > 0 && order[at - 1] < key {
+            order[at] = order[at - 1];
             at -= 1;
         }
-        stack[at] = entry;
-        top += 1;
+        order[at] = key;
+        count += 1;
     }
-    top
+    for &key in &order[..count] {
+        let slot = key as usize & 7;
+        stack.entries[stack.top] = (node.children[slot], (key >> 8) as u32 & 0xffff);
+        stack.near[stack.top] = near_rows[slot];
+        stack.top += 1;
+    }
 }

@@ -1,7 +1,8 @@
 //! A packet of rays: in scene space, and as an instance sees it.
 use super::super::trace_native::Ray;
 use super::instance::Placed;
-use super::simd::{Lanes, Mask};
+use super::shaft::Interval;
+use super::simd::{Lanes, Mask, splat3, three};
 
 /// One value per ray; vectors load its first lanes.
 #[derive(Clone, Copy, Debug)]
@@ -20,6 +21,22 @@ impl Row {
     pub(crate) fn get<P: Lanes>(&self) -> P {
         P::load(&self.0)
     }
+}
+
+/// Three rows as vectors.
+#[inline(always)]
+pub(crate) fn rows<P: Lanes>(rows: &[Row; 3]) -> [P; 3] {
+    three!(i => rows[i].get())
+}
+
+/// Components in cyclic order from the one after the largest, so that (x, y, z) stays right-handed and z is largest.
+#[inline(always)]
+pub(crate) fn cycle<P: Lanes>(v: [P; 3], is_z: P::M, is_y: P::M) -> [P; 3] {
+    [
+        P::select(is_z, v[0], P::select(is_y, v[2], v[1])),
+        P::select(is_z, v[1], P::select(is_y, v[0], v[2])),
+        P::select(is_z, v[2], P::select(is_y, v[1], v[0])),
+    ]
 }
 
 /// Rays in scene space, structure of arrays.
@@ -45,7 +62,19 @@ impl Bundle {
 
     /// Up to one packet of rays; the rest of the lanes idle.
     #[inline(always)]
-    pub(crate) fn fill(&mut self, rays: &[Ray]) {
+    pub(crate) fn fill<P: Lanes>(&mut self, rays: &[Ray]) {
+        self.active = if rays.len() >= 16 { 0xffff } else { (1 << rays.len()) - 1 };
+        if rays.len() == P::N {
+            // Scalar stores would stall the vector loads that follow.
+            let values: &[f32] = bytemuck::cast_slice(rays);
+            for axis in 0..3 {
+                P::load_strided(&values[axis..], 8).store(&mut self.origin[axis].0);
+                P::load_strided(&values[axis + 4..], 8).store(&mut self.direction[axis].0);
+            }
+            P::load_strided(&values[3..], 8).store(&mut self.t_min.0);
+            P::load_strided(&values[7..], 8).store(&mut self.t_max.0);
+            return;
+        }
         for (lane, ray) in rays.iter().enumerate().take(16) {
             for axis in 0..3 {
                 self.origin[axis].0[lane] = ray.origin[axis];
@@ -54,7 +83,6 @@ impl Bundle {
             self.t_min.0[lane] = ray.t_min;
             self.t_max.0[lane] = ray.t_max;
         }
-        self.active = if rays.len() >= 16 { 0xffff } else { (1 << rays.len()) - 1 };
     }
 
     /// Drops the rays that can hit nothing by the rules of the trace; what their lanes hold is never looked at.
@@ -73,6 +101,17 @@ impl Bundle {
     }
 }
 
+/// Smallest and largest value of each row among the lanes of `active`.
+#[inline(always)]
+pub(crate) fn interval<P: Lanes>(rows: &[Row; 3], active: u32) -> Interval {
+    let mask = P::M::from_bits(active);
+    let (above, below) = (P::splat(f32::INFINITY), P::splat(f32::NEG_INFINITY));
+    Interval {
+        lo: three!(i => P::select(mask, rows[i].get(), above).smallest()),
+        hi: three!(i => P::select(mask, rows[i].get(), below).largest()),
+    }
+}
+
 /// Component of a direction below this share of the largest one is raised to it for the box tests, so that no
 /// reciprocal is infinite. The shift, 2^-32 of the way, is far inside [`MARGIN`].
 const FLAT: f32 = 1.0 / 4_294_967_296.0;
@@ -80,7 +119,7 @@ const FLAT: f32 = 1.0 / 4_294_967_296.0;
 /// Boxes are entered with a margin of this share of |origin| + |box|, in space: 16 units in the last place.
 /// It covers the slab arithmetic [Ize13] and that of the triangle test, so that no hit of `triangle::cross` is
 /// culled, whatever the tree; that is why answers do not depend on the traversal.
-const MARGIN: f32 = 1.0 / 1_048_576.0;
+pub(crate) const MARGIN: f32 = 1.0 / 1_048_576.0;
 
 /// Directions of a packet, prepared.
 #[derive(Clone)]
@@ -98,24 +137,22 @@ impl Heading {
     /// Prepares directions.
     #[inline(always)]
     pub(crate) fn new<P: Lanes>(direction: &[Row; 3]) -> Self {
-        let d: [P; 3] = [direction[0].get(), direction[1].get(), direction[2].get()];
-        let abs = d.map(P::abs);
+        let d: [P; 3] = rows(direction);
+        let abs = three!(i => d[i].abs());
         let floor = abs[0].max(abs[1]).max(abs[2]) * P::splat(FLAT);
         let one = P::splat(1.0);
-        let inverse = [0, 1, 2].map(|i| one / P::select(abs[i].lt(floor), floor, d[i]));
+        let inverse = three!(i => one / P::select(abs[i].lt(floor), floor, d[i]));
         let z_major = abs[0].le(abs[2]).and(abs[1].le(abs[2]));
         let y_over_x = abs[0].le(abs[1]);
-        // Cyclic order: the axes after the largest one, so that (x, y, z) stays right-handed.
-        let pick = |x: P, y: P, z: P| P::select(z_major, z, P::select(y_over_x, y, x));
-        let z = pick(d[0], d[1], d[2]);
+        let [x, y, z] = cycle(d, z_major, y_over_x);
         let scale = one / z;
-        let shear = [pick(d[1], d[2], d[0]) * scale, pick(d[2], d[0], d[1]) * scale, scale];
+        let shear = [x * scale, y * scale, scale];
         let (z_bits, y_bits) = (z_major.bits(), y_over_x.bits());
         let zero = P::splat(0.0);
         Self {
-            inverse: inverse.map(Row::of),
-            shear: shear.map(Row::of),
-            negative: inverse.map(|v| v.lt(zero).bits()),
+            inverse: three!(i => Row::of(inverse[i])),
+            shear: three!(i => Row::of(shear[i])),
+            negative: three!(i => inverse[i].lt(zero).bits()),
             major: [!z_bits & !y_bits, !z_bits & y_bits, z_bits],
         }
     }
@@ -123,8 +160,11 @@ impl Heading {
     /// True when all `active` rays have the same signs and the same largest component.
     #[inline(always)]
     pub(crate) fn is_coherent(&self, active: u32) -> bool {
-        let uniform = |bits: u32| bits & active == 0 || bits & active == active;
-        self.negative.iter().chain(&self.major).all(|&bits| uniform(bits))
+        let mut mixed = false;
+        for bits in three!(i => [self.negative[i], self.major[i]]).as_flattened() {
+            mixed |= bits & active != 0 && bits & active != active;
+        }
+        !mixed
     }
 }
 
@@ -145,32 +185,35 @@ impl<'a> Local<'a> {
         let far_out = origin[0].abs().max(origin[1].abs()).max(origin[2].abs()) + P::splat(reach);
         let margin = far_out * P::splat(MARGIN);
         let zero = P::splat(0.0);
-        let bound = |i: usize| {
-            let inverse: P = heading.inverse[i].get();
-            let at = zero - origin[i] * inverse;
-            let slack = margin * inverse.abs();
-            (Row::of(at - slack), Row::of(at + slack))
-        };
-        let [(nx, fx), (ny, fy), (nz, fz)] = [bound(0), bound(1), bound(2)];
-        Self { heading, origin: origin.map(Row::of), near: [nx, ny, nz], far: [fx, fy, fz] }
+        let inverse: [P; 3] = rows(&heading.inverse);
+        let at = three!(i => zero - origin[i] * inverse[i]);
+        let slack = three!(i => margin * inverse[i].abs());
+        Self {
+            heading,
+            origin: three!(i => Row::of(origin[i])),
+            near: three!(i => Row::of(at[i] - slack[i])),
+            far: three!(i => Row::of(at[i] + slack[i])),
+        }
     }
 }
 
 /// Origins relative to an instance, in its object space.
 #[inline(always)]
 pub(crate) fn enter_origin<P: Lanes>(bundle: &Bundle, placed: &Placed) -> [P; 3] {
-    let offset = [0, 1, 2].map(|i| bundle.origin[i].get::<P>() - P::splat(placed.center[i]));
+    let offset = three!(i => bundle.origin[i].get::<P>() - P::splat(placed.center[i]));
     if placed.identity { offset } else { rotate(offset, &placed.rows) }
 }
 
 /// Directions in the object space of an instance whose linear part is not the identity.
 #[inline(always)]
 pub(crate) fn enter_direction<P: Lanes>(bundle: &Bundle, placed: &Placed) -> [Row; 3] {
-    let direction = [0, 1, 2].map(|i| bundle.direction[i].get::<P>());
-    rotate(direction, &placed.rows).map(Row::of)
+    let turned = rotate(rows::<P>(&bundle.direction), &placed.rows);
+    three!(i => Row::of(turned[i]))
 }
 
 #[inline(always)]
 fn rotate<P: Lanes>(v: [P; 3], rows: &[[f32; 3]; 3]) -> [P; 3] {
-    rows.map(|r| v[0].fma(P::splat(r[0]), v[1].fma(P::splat(r[1]), v[2] * P::splat(r[2]))))
+    let [x, y, z] = three!(i => splat3::<P>(rows[i]));
+    let row = [x, y, z];
+    three!(i => v[0].fma(row[i][0], v[1].fma(row[i][1], v[2] * row[i][2])))
 }

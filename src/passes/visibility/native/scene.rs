@@ -1,70 +1,107 @@
 //! The upper level: a packet through the boxes of the instances and into each.
 use super::super::trace_native::TraceScene;
-use super::packet::{self, Entry, Scratch, Slabs, State};
-use super::rays::{Bundle, Heading, Local, enter_direction, enter_origin};
-use super::simd::Isa;
+use super::instance::Placed;
+use super::packet::{self, Entered, Scratch, Slabs, State};
+use super::rays::{Bundle, Heading, Local, enter_direction, enter_origin, interval, rows};
+use super::shaft::{Interval, Shaft};
+use super::simd::{Isa, Lanes, Mask, three};
+use crate::scene::bvh::Node8;
+
+/// A packet that is ready to enter instances: what all of them need of it.
+pub(crate) struct Launch<'a> {
+    pub(crate) bundle: &'a Bundle,
+    pub(crate) heading: Heading,
+    pub(crate) origin: Interval,
+    pub(crate) direction: Interval,
+    /// Largest end of a ray.
+    pub(crate) t_max: f32,
+}
+
+impl<'a> Launch<'a> {
+    /// Prepares a checked packet.
+    #[inline(always)]
+    fn new<P: Lanes>(bundle: &'a Bundle) -> Self {
+        // A shaft starts at its origin: hits behind it would be lost.
+        let behind = bundle.t_min.get::<P>().lt(P::splat(0.0)).bits() & bundle.active != 0;
+        let everywhere = Interval { lo: [f32::MIN; 3], hi: [f32::MAX; 3] };
+        Self {
+            bundle,
+            heading: Heading::new::<P>(&bundle.direction),
+            origin: interval::<P>(&bundle.origin, bundle.active),
+            direction: if behind { everywhere } else { interval::<P>(&bundle.direction, bundle.active) },
+            t_max: f32::INFINITY,
+        }
+    }
+}
 
 /// Traces a packet; its answers are in the state.
 #[inline(always)]
 pub(crate) fn trace<I: Isa, const ANY: bool>(scene: &TraceScene, bundle: &mut Bundle, scratch: &mut Scratch) -> State {
     bundle.check::<I::Packet>();
     let mut state = State::new(bundle.t_min, bundle.t_max, bundle.active);
-    if bundle.active == 0 || scene.tlas.nodes().is_empty() {
+    let nodes = scene.tlas.nodes();
+    if bundle.active == 0 || nodes.is_empty() {
         return state;
     }
-    let heading = Heading::new::<I::Packet>(&bundle.direction);
-    let origin = [0, 1, 2].map(|i| bundle.origin[i].get::<I::Packet>());
-    let local = Local::new(origin, &heading, scene.tlas.bounds().max_abs());
+    let launch = Launch::new::<I::Packet>(bundle);
+    let reach = scene.tlas.bounds().max_abs();
+    let local = Local::new(rows::<I::Packet>(&bundle.origin), &launch.heading, reach);
     let slabs = Slabs::<I::Packet>::new(&local, bundle.active);
-    let coherent = heading.is_coherent(bundle.active);
-    let mut stack = std::mem::take(&mut scratch.scene);
-    stack[0] = Entry::root(&state);
-    let mut top = 1;
-    while top > 0 {
-        top -= 1;
-        let (child, mask) = stack[top].take::<I::Packet, ANY>(&state);
-        if mask == 0 {
-            continue;
-        }
+    let shaft = Shaft::<I>::new(&launch.origin, &launch.direction, launch.t_max, reach);
+    scratch.scene.clear();
+    packet::descend::<I, ANY, false>(&nodes[0], &slabs, &shaft, bundle.active, &state, &mut scratch.scene);
+    while let Some((child, mask)) = scratch.scene.pop::<I::Packet, ANY>(&state) {
         if child.is_leaf() {
-            visit::<I, ANY>(scene, bundle, &heading, child.index(), mask, &mut state, scratch);
-            continue;
-        }
-        let node = &scene.tlas.nodes()[child.index()];
-        top = if coherent {
-            packet::descend::<I::Packet, true>(node, &slabs, mask, &state, &mut stack, top)
+            let placed = &scene.placed[child.index()];
+            let roots = &placed.blas.nodes_wide()[..1];
+            visit::<I, ANY>(placed, child.index(), roots, &launch, mask, &mut state, scratch);
         } else {
-            packet::descend::<I::Packet, false>(node, &slabs, mask, &state, &mut stack, top)
-        };
+            let node = &nodes[child.index()];
+            packet::descend::<I, ANY, false>(node, &slabs, &shaft, mask, &state, &mut scratch.scene);
+        }
     }
-    scratch.scene = stack;
     state
 }
 
-/// Takes the rays of `mask` into instance `index`.
+/// Takes the rays of `mask` into an instance, through the subtrees below `roots`.
 #[inline(always)]
-fn visit<I: Isa, const ANY: bool>(
-    scene: &TraceScene,
-    bundle: &Bundle,
-    heading: &Heading,
+pub(crate) fn visit<I: Isa, const ANY: bool>(
+    placed: &Placed,
     index: usize,
+    roots: &[Node8],
+    launch: &Launch,
     mask: u32,
     state: &mut State,
     scratch: &mut Scratch,
 ) {
-    let placed = &scene.placed[index];
+    let bundle = launch.bundle;
     let origin = enter_origin::<I::Packet>(bundle, placed);
     let turned;
     let heading = if placed.identity {
-        heading
+        &launch.heading
     } else {
         turned = Heading::new::<I::Packet>(&enter_direction::<I::Packet>(bundle, placed));
         &turned
     };
     let local = Local::new(origin, heading, placed.reach);
+    let shaft = enter_shaft(placed, &launch.origin, &launch.direction, launch.t_max);
+    let entered = Entered { blas: &placed.blas, local, shaft, instance: index as u32 };
     if heading.is_coherent(mask) {
-        packet::traverse::<I, ANY, true>(&placed.blas, &local, mask, state, scratch, index as u32);
+        packet::traverse::<I, ANY, true>(&entered, roots, mask, state, scratch);
     } else {
-        packet::traverse::<I, ANY, false>(&placed.blas, &local, mask, state, scratch, index as u32);
+        packet::traverse::<I, ANY, false>(&entered, roots, mask, state, scratch);
+    }
+}
+
+/// A group of rays in the object space of an instance.
+#[inline(always)]
+pub(crate) fn enter_shaft<I: Isa>(placed: &Placed, origin: &Interval, direction: &Interval, t_max: f32) -> Shaft<I> {
+    // Rounding is monotonic: the differences bound those of the rays.
+    let offset =
+        Interval { lo: three!(i => origin.lo[i] - placed.center[i]), hi: three!(i => origin.hi[i] - placed.center[i]) };
+    if placed.identity {
+        Shaft::new(&offset, direction, t_max, placed.reach)
+    } else {
+        Shaft::new(&offset.turn(&placed.rows), &direction.turn(&placed.rows), t_max, placed.reach)
     }
 }

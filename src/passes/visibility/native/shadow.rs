@@ -1,35 +1,70 @@
 //! Shadow rays of receivers towards the samples of one light.
 use super::super::trace_native::{Receiver, SampleTable, TraceScene};
-use super::packet::Scratch;
-use super::rays::{Bundle, Row};
-use super::scene::trace;
-use super::simd::{Isa, Lanes, Mask, set_lanes};
+use super::packet::{Portal, Scratch, State};
+use super::portal;
+use super::rays::{Bundle, Heading, Row, rows};
+use super::scene::{Launch, trace, visit};
+use super::shaft::Interval;
+use super::simd::{Isa, Lanes, Mask, set_lanes, splat3, three};
 
-/// A sample table as columns, so that neighbouring strata load as vectors.
+/// A sample table as columns, so that neighbouring strata load as vectors, and their boxes.
 pub(crate) struct Columns {
     /// x, y, z and the largest `t`, each with 16 spare values at the end.
     values: [Vec<f32>; 4],
     pub(crate) strata: usize,
-    patterns: usize,
+    /// Box of each pattern.
+    patterns: Vec<Interval>,
+    /// Box of each packet of each pattern.
+    packets: Vec<Interval>,
+    packets_each: usize,
+    /// No end is beyond the sample, so that shafts may end there.
+    bounded: bool,
+}
+
+/// Box of points; everywhere when one is NaN.
+fn box_of(points: &[[f32; 4]]) -> Interval {
+    let mut b = Interval { lo: [f32::INFINITY; 3], hi: [f32::NEG_INFINITY; 3] };
+    for p in points {
+        for axis in 0..3 {
+            b.lo[axis] = if p[axis] >= b.lo[axis] { b.lo[axis] } else { p[axis] };
+            b.hi[axis] = if p[axis] <= b.hi[axis] { b.hi[axis] } else { p[axis] };
+        }
+    }
+    let nan = points.iter().any(|p| p[0].is_nan() || p[1].is_nan() || p[2].is_nan());
+    if nan { Interval { lo: [f32::MIN; 3], hi: [f32::MAX; 3] } } else { b }
 }
 
 impl Columns {
-    /// Turns the rows of a table into columns.
-    pub(crate) fn new(table: &SampleTable) -> Self {
+    /// Turns the rows of a table into columns, for packets of `n`.
+    pub(crate) fn new(table: &SampleTable, n: usize) -> Self {
         let column = |axis: usize| {
             let spare = std::iter::repeat_n(0.0, 16);
             table.points.iter().map(|p| p[axis]).chain(spare).collect()
         };
         let strata = table.strata as usize;
-        Self { values: [0, 1, 2, 3].map(column), strata, patterns: table.points.len() / strata }
+        let packets = table.points.chunks(strata).flat_map(|pattern| pattern.chunks(n).map(box_of));
+        Self {
+            values: [0, 1, 2, 3].map(column),
+            strata,
+            patterns: table.points.chunks(strata).map(box_of).collect(),
+            packets: packets.collect(),
+            packets_each: strata.div_ceil(n),
+            bounded: table.points.iter().all(|p| p[3] <= 1.0),
+        }
     }
 
     /// Index of the first sample of a receiver; `None` when it is inactive.
     #[inline(always)]
     fn start(&self, receiver: &Receiver) -> Option<usize> {
         let pattern = receiver.pattern as usize;
-        (pattern < self.patterns).then_some(pattern * self.strata)
+        (pattern < self.patterns.len()).then_some(pattern * self.strata)
     }
+}
+
+/// Directions from `origin` to a box.
+#[inline(always)]
+fn towards(points: &Interval, origin: [f32; 3]) -> Interval {
+    Interval { lo: three!(i => points.lo[i] - origin[i]), hi: three!(i => points.hi[i] - origin[i]) }
 }
 
 /// Shading points of the lanes of a packet.
@@ -46,15 +81,15 @@ fn dot<P: Lanes>(a: [P; 3], b: [P; 3]) -> P {
 /// Lanes whose sample faces the surface and whose light emits towards it.
 #[inline(always)]
 fn facing<P: Lanes>(table: &SampleTable, direction: &[Row; 3], points: &Points) -> u32 {
-    let get = |rows: &[Row; 3]| [rows[0].get::<P>(), rows[1].get(), rows[2].get()];
-    let (d, zero) = (get(direction), P::splat(0.0));
-    let mut mask = zero.lt(dot(get(&points.normal_geo), d)).and(zero.lt(dot(get(&points.normal_shade), d)));
+    let (d, zero) = (rows::<P>(direction), P::splat(0.0));
+    let geo = zero.lt(dot(rows(&points.normal_geo), d));
+    let mut mask = geo.and(zero.lt(dot(rows(&points.normal_shade), d)));
     if !table.two_sided {
-        mask = mask.and(dot(table.light_normal.map(P::splat), d).lt(zero));
+        mask = mask.and(dot(splat3(table.light_normal), d).lt(zero));
     }
     if table.cos_cutoff > -1.0 {
         let limit = P::splat(table.cos_cutoff) * dot(d, d).sqrt();
-        mask = mask.and(limit.le(zero - dot(table.cone_axis.map(P::splat), d)));
+        mask = mask.and(limit.le(zero - dot(splat3(table.cone_axis), d)));
     }
     mask.bits()
 }
@@ -70,12 +105,16 @@ fn receiver_rays<I: Isa>(
     scratch: &mut Scratch,
 ) -> u64 {
     let Some(start) = columns.start(receiver) else { return 0 };
+    let pattern = receiver.pattern as usize;
     let n = I::Packet::N;
     let splat = |v: [f32; 3]| v.map(|x| Row([x; 16]));
     let points = Points { normal_geo: splat(receiver.normal_geo), normal_shade: splat(receiver.normal_shade) };
     let mut bundle = Bundle { origin: splat(receiver.origin), ..Bundle::IDLE };
+    let origin = Interval::point(receiver.origin);
+    let mut portals = std::mem::take(&mut scratch.portals);
+    portal::open::<I>(scene, &origin, &towards(&columns.patterns[pattern], receiver.origin), &mut portals);
     let mut rays = 0;
-    for first in (0..columns.strata).step_by(n) {
+    for (packet, first) in (0..columns.strata).step_by(n).enumerate() {
         for axis in 0..3 {
             let to = I::Packet::load(&columns.values[axis][start + first..]);
             (to - I::Packet::splat(receiver.origin[axis])).store(&mut bundle.direction[axis].0);
@@ -83,14 +122,42 @@ fn receiver_rays<I: Isa>(
         I::Packet::load(&columns.values[3][start + first..]).store(&mut bundle.t_max.0);
         let used = ((1u64 << n.min(columns.strata - first)) - 1) as u32;
         bundle.active = used & facing::<I::Packet>(table, &bundle.direction, &points);
-        if bundle.active == 0 {
-            continue;
+        bundle.check::<I::Packet>();
+        let mut visible = bundle.active;
+        rays += u64::from(visible.count_ones());
+        if visible != 0 && !portals.is_empty() {
+            let direction = towards(&columns.packets[pattern * columns.packets_each + packet], receiver.origin);
+            visible = through_portals::<I>(scene, &bundle, origin, direction, &portals, scratch);
         }
-        rays += u64::from(bundle.active.count_ones());
-        let visible = trace::<I, true>(scene, &mut bundle, scratch).alive;
         bits[first / 32] |= visible << (first % 32);
     }
+    scratch.portals = portals;
     rays
+}
+
+/// Rays of a packet that nothing behind the portals stops.
+#[inline(always)]
+fn through_portals<I: Isa>(
+    scene: &TraceScene,
+    bundle: &Bundle,
+    origin: Interval,
+    direction: Interval,
+    portals: &[Portal],
+    scratch: &mut Scratch,
+) -> u32 {
+    let mut state = State::new(bundle.t_min, bundle.t_max, bundle.active);
+    let heading = Heading::new::<I::Packet>(&bundle.direction);
+    let launch = Launch { bundle, heading, origin, direction, t_max: 1.0 };
+    for portal in portals {
+        let mask = state.alive;
+        if mask == 0 {
+            break;
+        }
+        let placed = &scene.placed[portal.instance as usize];
+        let roots = std::slice::from_ref(&portal.node);
+        visit::<I, true>(placed, portal.instance as usize, roots, &launch, mask, &mut state, scratch);
+    }
+    state.alive
 }
 
 /// Few strata: a packet spans consecutive receivers; returns the number of rays.
@@ -148,7 +215,7 @@ pub(crate) fn shadow<I: Isa>(
     scratch: &mut Scratch,
 ) -> u64 {
     bits.fill(0);
-    if columns.strata < I::Packet::N {
+    if columns.strata < I::Packet::N || !columns.bounded {
         return few_strata::<I>(scene, table, columns, receivers, bits, scratch);
     }
     let words = table.words();

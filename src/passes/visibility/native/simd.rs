@@ -30,6 +30,8 @@ pub(crate) trait Lanes:
     fn splat(value: f32) -> Self;
     /// The first `N` values; panics when there are fewer.
     fn load(values: &[f32]) -> Self;
+    /// Every `stride`-th value, from the first on; panics when there are fewer.
+    fn load_strided(values: &[f32], stride: usize) -> Self;
     /// Writes the first `N` values; panics when there are fewer.
     fn store(self, values: &mut [f32]);
     /// `self * b + c`, one rounding.
@@ -56,6 +58,10 @@ pub(crate) trait Lanes:
     fn not_gt(self, other: Self) -> Self::M;
     /// `yes` in the lanes of `mask`, else `no`.
     fn select(mask: Self::M, yes: Self, no: Self) -> Self;
+    /// Smallest value of all lanes.
+    fn smallest(self) -> f32;
+    /// Largest value of all lanes.
+    fn largest(self) -> f32;
     /// Value of one lane.
     #[inline(always)]
     fn lane(self, lane: usize) -> f32 {
@@ -63,6 +69,33 @@ pub(crate) trait Lanes:
         self.store(&mut values);
         values[lane & 15]
     }
+}
+
+/// `[f(0), f(1), f(2)]`, spelled out: a closure would not be compiled for the instruction set of its caller.
+macro_rules! three {
+    ($i:ident => $value:expr) => {
+        [
+            {
+                let $i = 0;
+                $value
+            },
+            {
+                let $i = 1;
+                $value
+            },
+            {
+                let $i = 2;
+                $value
+            },
+        ]
+    };
+}
+pub(crate) use three;
+
+/// The three components of a vector, each in all lanes.
+#[inline(always)]
+pub(crate) fn splat3<L: Lanes>(v: [f32; 3]) -> [L; 3] {
+    three!(i => L::splat(v[i]))
 }
 
 /// The vector types of one instruction set.

@@ -77,6 +77,10 @@ impl<const N: usize> Lanes for Array<N> {
         Self(std::array::from_fn(|i| values[i]))
     }
     #[inline(always)]
+    fn load_strided(values: &[f32], stride: usize) -> Self {
+        Self(std::array::from_fn(|i| values[i * stride]))
+    }
+    #[inline(always)]
     fn store(self, values: &mut [f32]) {
         values[..N].copy_from_slice(&self.0);
     }
@@ -127,6 +131,14 @@ impl<const N: usize> Lanes for Array<N> {
     #[inline(always)]
     fn select(mask: Bits, yes: Self, no: Self) -> Self {
         Self(std::array::from_fn(|i| if mask.0 >> i & 1 == 1 { yes.0[i] } else { no.0[i] }))
+    }
+    #[inline(always)]
+    fn smallest(self) -> f32 {
+        self.0.into_iter().fold(f32::INFINITY, f32::min)
+    }
+    #[inline(always)]
+    fn largest(self) -> f32 {
+        self.0.into_iter().fold(f32::NEG_INFINITY, f32::max)
     }
     #[inline(always)]
     fn lane(self, lane: usize) -> f32 {

@@ -104,7 +104,7 @@ impl Mask for M4 {
 /// The arithmetic of one register width: the names of the intrinsics differ by prefix only.
 macro_rules! lanes {
     ($float:ident, $mask:ident, $n:literal, $set1:ident, $load:ident, $store:ident, $add:ident, $sub:ident, $mul:ident,
-     $div:ident, $fma:ident, $fnma:ident, $fms:ident, $min:ident, $max:ident, $abs:ident, $sqrt:ident, $cmp:ident, $select:ident) => {
+     $div:ident, $fma:ident, $fnma:ident, $fms:ident, $min:ident, $max:ident, $abs:ident, $sqrt:ident, $cmp:ident, $select:ident, $strided:ident, $least:ident, $most:ident) => {
         lanes!(@op $float, Add, add, $add);
         lanes!(@op $float, Sub, sub, $sub);
         lanes!(@op $float, Mul, mul, $mul);
@@ -122,6 +122,12 @@ macro_rules! lanes {
                 assert!(values.len() >= $n);
                 // SAFETY: checked; the slice is long enough.
                 Self(unsafe { $load(values.as_ptr()) })
+            }
+            #[inline(always)]
+            fn load_strided(values: &[f32], stride: usize) -> Self {
+                assert!(values.len() > ($n - 1) * stride && stride < 1 << 20);
+                // SAFETY: checked; the last index is inside.
+                Self(unsafe { $strided(values.as_ptr(), stride as i32) })
             }
             #[inline(always)]
             fn store(self, values: &mut [f32]) {
@@ -160,6 +166,16 @@ macro_rules! lanes {
             fn select(mask: $mask, yes: Self, no: Self) -> Self {
                 // SAFETY: checked.
                 Self(unsafe { $select(no.0, yes.0, mask.0) })
+            }
+            #[inline(always)]
+            fn smallest(self) -> f32 {
+                // SAFETY: checked.
+                unsafe { $least(self.0) }
+            }
+            #[inline(always)]
+            fn largest(self) -> f32 {
+                // SAFETY: checked.
+                unsafe { $most(self.0) }
             }
         }
     };
@@ -205,6 +221,49 @@ unsafe fn abs4(a: __m128) -> __m128 {
     unsafe { _mm_andnot_ps(_mm_set1_ps(-0.0), a) }
 }
 
+#[inline(always)]
+unsafe fn strided16(from: *const f32, stride: i32) -> __m512 {
+    // SAFETY: the caller has checked the CPU and the range.
+    unsafe {
+        let lanes = _mm512_setr_epi32(0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14, 15);
+        _mm512_i32gather_ps::<4>(_mm512_mullo_epi32(lanes, _mm512_set1_epi32(stride)), from)
+    }
+}
+#[inline(always)]
+unsafe fn strided8(from: *const f32, stride: i32) -> __m256 {
+    // SAFETY: the caller has checked the CPU and the range.
+    unsafe {
+        let lanes = _mm256_setr_epi32(0, 1, 2, 3, 4, 5, 6, 7);
+        _mm256_i32gather_ps::<4>(from, _mm256_mullo_epi32(lanes, _mm256_set1_epi32(stride)))
+    }
+}
+#[inline(always)]
+unsafe fn strided4(from: *const f32, stride: i32) -> __m128 {
+    // SAFETY: the caller has checked the CPU and the range.
+    unsafe { _mm_i32gather_ps::<4>(from, _mm_mullo_epi32(_mm_setr_epi32(0, 1, 2, 3), _mm_set1_epi32(stride))) }
+}
+
+/// Reductions of 4 and 8 lanes by halves.
+macro_rules! reduction {
+    ($four:ident, $eight:ident, $op:ident) => {
+        #[inline(always)]
+        unsafe fn $four(a: __m128) -> f32 {
+            // SAFETY: the caller has checked the CPU.
+            unsafe {
+                let b = $op(a, _mm_movehl_ps(a, a));
+                _mm_cvtss_f32($op(b, _mm_shuffle_ps::<1>(b, b)))
+            }
+        }
+        #[inline(always)]
+        unsafe fn $eight(a: __m256) -> f32 {
+            // SAFETY: the caller has checked the CPU.
+            unsafe { $four($op(_mm256_castps256_ps128(a), _mm256_extractf128_ps::<1>(a))) }
+        }
+    };
+}
+reduction!(least4, least8, _mm_min_ps);
+reduction!(most4, most8, _mm_max_ps);
+
 lanes!(
     F32x16,
     M16,
@@ -224,7 +283,10 @@ lanes!(
     _mm512_abs_ps,
     _mm512_sqrt_ps,
     _mm512_cmp_ps_mask,
-    select16
+    select16,
+    strided16,
+    _mm512_reduce_min_ps,
+    _mm512_reduce_max_ps
 );
 lanes!(
     F32x8,
@@ -245,7 +307,10 @@ lanes!(
     abs8,
     _mm256_sqrt_ps,
     _mm256_cmp_ps,
-    _mm256_blendv_ps
+    _mm256_blendv_ps,
+    strided8,
+    least8,
+    most8
 );
 lanes!(
     F32x4,
@@ -266,7 +331,10 @@ lanes!(
     abs4,
     _mm_sqrt_ps,
     _mm_cmp_ps,
-    _mm_blendv_ps
+    _mm_blendv_ps,
+    strided4,
+    least4,
+    most4
 );
 
 /// AVX-512 F, BW, DQ, VL: packets of 16 rays.

@@ -1,0 +1,72 @@
+//! Portals: the few subtrees that a whole group of rays with one origin can reach.
+//!
+//! A receiver asks for hundreds of samples of one light. The shaft around all of them is taken through the trees once;
+//! what is left is often nothing (no occluder near), and otherwise a short list from which every packet starts.
+use super::super::trace_native::TraceScene;
+use super::packet::Portal;
+use super::scene::enter_shaft;
+use super::shaft::{Interval, Shaft};
+use super::simd::{Isa, set_lanes};
+use crate::scene::bvh::{Blas, Child, Node8};
+
+/// Nodes that are opened per instance at most.
+const OPENED: usize = 12;
+
+/// Appends a child of `from` to a list of made-up nodes.
+fn keep(portals: &mut Vec<Portal>, first: usize, instance: u32, from: &Node8, slot: usize) {
+    if portals.len() == first || portals.last().is_some_and(|p| p.node.count == 8) {
+        portals.push(Portal { instance, node: Node8::EMPTY });
+    }
+    if let Some(portal) = portals.last_mut() {
+        portal.node.copy_child(from, slot);
+    }
+}
+
+/// Portals into one mesh.
+#[inline(always)]
+fn open_mesh<I: Isa>(blas: &Blas, shaft: &Shaft<I>, instance: u32, portals: &mut Vec<Portal>) {
+    let nodes = blas.nodes_wide();
+    let first = portals.len();
+    let mut queue = [Child::ROOT; OPENED];
+    let (mut head, mut tail) = (0, 1);
+    while head < tail {
+        let node = &nodes[queue[head].index()];
+        head += 1;
+        for slot in set_lanes(shaft.test(node)) {
+            let child = node.children[slot];
+            if !child.is_leaf() && tail < OPENED {
+                queue[tail] = child;
+                tail += 1;
+            } else {
+                keep(portals, first, instance, node, slot);
+            }
+        }
+    }
+}
+
+/// All portals of rays from `origin` along `direction`, `t` in (0, 1), instance after instance.
+#[inline(always)]
+pub(crate) fn open<I: Isa>(scene: &TraceScene, origin: &Interval, direction: &Interval, portals: &mut Vec<Portal>) {
+    portals.clear();
+    let nodes = scene.tlas.nodes();
+    if nodes.is_empty() {
+        return;
+    }
+    let shaft = Shaft::<I>::new(origin, direction, 1.0, scene.tlas.bounds().max_abs());
+    let mut todo = vec![];
+    let mut next = Some(Child::ROOT);
+    while let Some(at) = next {
+        let node = &nodes[at.index()];
+        for slot in set_lanes(shaft.test(node)) {
+            let child = node.children[slot];
+            if child.is_leaf() {
+                let placed = &scene.placed[child.index()];
+                let shaft = enter_shaft::<I>(placed, origin, direction, 1.0);
+                open_mesh(&placed.blas, &shaft, child.index() as u32, portals);
+            } else {
+                todo.push(child);
+            }
+        }
+        next = todo.pop();
+    }
+}
