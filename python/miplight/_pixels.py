@@ -53,20 +53,14 @@ class Pair:
         return result
 
     def squared_errors(self, trim: float, noise_free: bool) -> NDArray[np.float64]:
-        """Return e² of the pixels that are kept; with halves, its product form.
-
-        The product takes the sign of each channel's error from the mean of both halves, so that it is e²
-        where there is no noise, and the plain product of both differences where the channels' noise goes
-        together, as under lights of one colour.
-        """
+        """Return e² of the pixels that are kept; with halves, the mean over RGB of (I − R₁)·(I − R₂)."""
         e = self.errors()
         chosen = kept_pixels(e, trim)
         if not as_bool(noise_free, "noise_free", SettingsError) or self.halves is None:
             squares: NDArray[np.float64] = e[chosen] ** 2
             return squares
-        sign = np.sign(self.image - self.mean)
-        first, second = (((self.image - half) * sign).mean(axis=-1) for half in self.halves)
-        product: NDArray[np.float64] = (first * second)[chosen]
+        first, second = (self.image[chosen] - half[chosen] for half in self.halves)
+        product: NDArray[np.float64] = (first * second).mean(axis=-1)
         return product
 
 

@@ -8,10 +8,10 @@ With e the mean over RGB of |I − R| at a pixel and r the mean over RGB of R:
 - `median_relative_error` = median of e / r over the pixels with r above 2 % of the mean.
 
 A reference may be an array or a `miplight.mitsuba.Reference`. The latter keeps two independent halves R₁ and
-R₂, and squared errors are then taken as products of the differences to one and to the other, (I − R₁)·(I −
-R₂), whose expected value is free of the reference's own noise (set ``noise_free=False`` for the plain form).
-A mean of such products may come out slightly negative when there is nothing left but noise; it counts as
-zero.
+R₂, and e² is then replaced by the mean over RGB of (I − R₁)·(I − R₂), whose expected value is free of the
+reference's own noise (``noise_free=False`` keeps e²). Where the channels err alike the two are the same; else
+the product is the larger by a little, as a mean of squares is. A mean of products may come out slightly
+negative when there is nothing left but noise; it counts as zero.
 """
 
 from __future__ import annotations

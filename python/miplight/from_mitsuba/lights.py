@@ -107,7 +107,11 @@ def _parallelogram(
 
     The last value says whether the edges were exchanged for it.
     """
-    corners, normal = _four_corners(shape)
+    if node.plugin == "rectangle":
+        # its corners stay where its image is upright: u from the first to the second, v to the fourth
+        corners, normal = shape.positions, np.array([0.0, 0.0, 1.0])
+    else:
+        corners, normal = _four_corners(shape)
     matrix = node.matrix()
     world = corners @ matrix[:3, :3].T + matrix[:3, 3]
     side = np.linalg.inv(matrix[:3, :3]).T @ normal

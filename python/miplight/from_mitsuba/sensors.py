@@ -43,9 +43,9 @@ def camera_of(document: Document, node: Node) -> Camera:
     if width < 1 or height < 1:
         raise SceneError(f"film is {width} x {height}; allowed: at least one pixel")
     focal = _focal_in_pixels(node, width, height)
-    # Mitsuba shifts the picture, so the principal point moves with the offset
-    cx = width * (0.5 + float(node.get("principal_point_offset_x", 0.0))) - size("crop_offset_x", 0)
-    cy = height * (0.5 + float(node.get("principal_point_offset_y", 0.0))) - size("crop_offset_y", 0)
+    # Mitsuba's offset shifts the picture: the principal point moves the other way
+    cx = width * (0.5 - float(node.get("principal_point_offset_x", 0.0))) - size("crop_offset_x", 0)
+    cy = height * (0.5 - float(node.get("principal_point_offset_y", 0.0))) - size("crop_offset_y", 0)
     # Mitsuba's camera looks down +Z with +X to the left
     world_from_camera = node.matrix() @ np.diag([-1.0, 1.0, -1.0, 1.0])
     columns, rows = size("crop_width", width), size("crop_height", height)

@@ -75,7 +75,7 @@ def content_key(scene: Scene, camera: Camera, **settings: Any) -> str:
 def load(key: str) -> dict[str, NDArray[Any]] | None:
     """Read the arrays kept under `key`; None if there are none, or they cannot be read."""
     try:
-        with np.load(_path(key), allow_pickle=False) as file:
+        with _path(key).open("rb") as stream, np.load(stream, allow_pickle=False) as file:
             return {name: file[name] for name in file.files}
     except (OSError, ValueError, EOFError, zipfile.BadZipFile):
         return None

@@ -142,18 +142,16 @@ class Estimator:
 
         mi = self.mi
         si = self.scene.ray_intersect(ray)
-        seen = si.is_valid() & ~self._is_light(si)
-        bsdf = si.bsdf(ray)
-        active = mi.Mask(seen)
-        if self._is_scalar and not seen:
+        # a light is a valid hit, so this is: a hit, and no light
+        active = si.is_valid() ^ self._is_light(si)
+        if self._is_scalar and not active:
             return mi.Color3f(0.0)
-        sample, weight = bsdf.sample(
-            mi.BSDFContext(), si, sampler.next_1d(active), sampler.next_2d(active), active
-        )
+        numbers = sampler.next_1d(active), sampler.next_2d(active)
+        sample, weight = si.bsdf(ray).sample(mi.BSDFContext(), si, *numbers, active)
         onward = mi.RayDifferential3f(si.spawn_ray(si.to_world(sample.wo)))
         value = self._integrator.sample(self.scene, sampler, onward, None, active)[0]
-        counts = active & ~self._meets_light(onward)
-        return dr.select(counts, weight * value, mi.Color3f(0.0))
+        value = dr.select(self._meets_light(onward), mi.Color3f(0.0), value)
+        return dr.select(active, weight * value, mi.Color3f(0.0))
 
     def _meets_light(self, ray: Any) -> Any:
         return self._is_light(self.scene.ray_intersect(ray))

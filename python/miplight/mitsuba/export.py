@@ -251,8 +251,9 @@ def _sensor(
         "to_world": mi.ScalarTransform4f(pose @ np.diag([-1.0, 1.0, -1.0, 1.0])),
         "fov_axis": "x",
         "fov": float(np.degrees(2.0 * np.arctan(0.5 * camera.width / fx))),
-        "principal_point_offset_x": cx / camera.width - 0.5,
-        "principal_point_offset_y": cy / camera.height - 0.5,
+        # … and shifts the picture, not the axis
+        "principal_point_offset_x": 0.5 - cx / camera.width,
+        "principal_point_offset_y": 0.5 - cy / camera.height,
         "near_clip": _NEAR * far,
         "far_clip": far,
         **common,

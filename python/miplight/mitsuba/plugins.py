@@ -160,9 +160,9 @@ def _pinhole(mi: Any) -> type:
         def sample_ray(
             self,
             time: Any,
-            wavelength: Any,
+            wavelength: Any,  # noqa: ARG002
             position: Any,
-            aperture: Any,
+            aperture: Any,  # noqa: ARG002
             active: Any = True,  # noqa: ARG002
         ) -> tuple[Any, Any]:
             film = self.film()

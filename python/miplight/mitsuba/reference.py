@@ -101,7 +101,7 @@ class Reference:
         import ast
 
         try:
-            with np.load(Path(path), allow_pickle=False) as file:
+            with Path(path).open("rb") as stream, np.load(stream, allow_pickle=False) as file:
                 mean, difference, deviation = (
                     file[name].astype(np.float32) for name in ("mean", "difference", "deviation")
                 )
