@@ -5,7 +5,6 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from numpy.typing import NDArray
-
 from tests.passes.reference.hemisphere import concentric, frame
 from tests.passes.reference.run import Runner, assert_not_within, assert_within
 
@@ -16,7 +15,8 @@ def _normals(rng: np.random.Generator) -> NDArray[np.float32]:
     """Directions everywhere, along the axes, and crowded about ±z where other constructions fail."""
     around = rng.normal(size=(4000, 3))
     tilt = rng.normal(size=(2000, 3)) * 10.0 ** rng.uniform(-9, -1, (2000, 1))
-    poles = np.concatenate([tilt[:1000] + [0, 0, 1], tilt[1000:] - [0, 0, 1]])
+    z = np.array([0, 0, 1])
+    poles = np.concatenate([tilt[:1000] + z, tilt[1000:] - z])
     axes = np.concatenate([np.eye(3), -np.eye(3), [[-0.0, -0.0, -1.0], [0.6, 0.8, -0.0]]])
     n = np.concatenate([around, poles, axes])
     return (n / np.linalg.norm(n, axis=1, keepdims=True)).astype(np.float32)
@@ -38,7 +38,10 @@ def _squares(side: int = SIDE) -> NDArray[np.float32]:
 def _tangents(runner: Runner, n: NDArray[np.float32]) -> NDArray[np.float64]:
     words = runner.function(
         "import package::common::basis::tangents;",
-        "let m = tangents(given[i].xyz); answer[2u * i] = vec4f(m[0], 0.0); answer[2u * i + 1u] = vec4f(m[1], 0.0);",
+        """
+    let m = tangents(given[i].xyz);
+    answer[2u * i] = vec4f(m[0], 0.0);
+    answer[2u * i + 1u] = vec4f(m[1], 0.0);""",
         _four(n),
         rows=2,
     )

@@ -5,7 +5,6 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from numpy.typing import NDArray
-
 from tests.passes.reference.lights import Area, Light, random_area, random_spot, table
 from tests.passes.reference.pictures import emitted, stratum_means
 from tests.passes.reference.run import Runner, assert_not_within, assert_within
@@ -106,7 +105,7 @@ def test_rows_are_read_as_they_are_written(runner: Runner, rng: np.random.Genera
 
 
 def test_the_reference_pictures_by_hand() -> None:
-    """Two texels side by side: a jump in the middle, or a ramp from 1/4 to 3/4; means over halves and thirds."""
+    """Two texels side by side: a jump in the middle, or a ramp from 1/4 to 3/4; their means over parts."""
     picture = np.array([[[0.0] * 3, [1.0] * 3]])
     ab = np.array([(0.1, 0.5), (0.4, 0.5), (0.5, 0.5), (0.6, 0.5), (0.9, 0.5)])
     assert np.allclose(emitted(picture, ab, False)[:, 0], [0, 0, 1, 1, 1])

@@ -8,7 +8,6 @@ from typing import Any
 import numpy as np
 import pytest
 from numpy.typing import NDArray
-
 from tests.passes.reference.lights import (
     Area,
     Light,
@@ -36,6 +35,7 @@ class Case:
 
     @property
     def strata(self) -> int:
+        """Samples of a pattern."""
         return len(self.radiance)
 
 
@@ -96,7 +96,9 @@ def _irradiance(light: Light, case: Case) -> tuple[Array, Array]:
     d = case.points[r["pattern"][live]] - r["origin"][live].astype(np.float64)[:, None]
     far = np.linalg.norm(d, axis=-1)
     w = d / far[..., None]
-    geo, shade = ((w * r[name][live].astype(np.float64)[:, None]).sum(-1) for name in ("normal_geo", "normal_shade"))
+    geo, shade = (
+        (w * r[name][live].astype(np.float64)[:, None]).sum(-1) for name in ("normal_geo", "normal_shade")
+    )
     emits = light.lights(-w) if isinstance(light, Spot) else light.cosine(-w)
     terms = np.where(geo > 0, np.clip(shade, 0, None) * emits / far**2, 0)
     size = np.where(geo > 0, 1 / far**2, 0)

@@ -7,7 +7,6 @@ from typing import Any
 import numpy as np
 import pytest
 from numpy.typing import NDArray
-
 from tests.passes.reference.image import pixel_numbers, random_view, tile_order, view_directions
 from tests.passes.reference.lights import random_area
 from tests.passes.reference.run import Runner, assert_not_within, assert_within, read
@@ -114,7 +113,7 @@ def test_normals_are_unit_and_face_the_viewer(runner: Runner, rng: np.random.Gen
 
 
 def test_lights_show_where_on_them_and_which_side(runner: Runner, rng: np.random.Generator) -> None:
-    """The kind names the light; in place of an albedo lie (a, b) of corner + a·u + b·v, and 1 on the lit side."""
+    """The kind names the light; in place of an albedo lie a, b of corner + a·u + b·v, 1 on the lit side."""
     lights = [random_area(rng) for _ in range(5)]
     meshes = [random_mesh(rng, "rigid"), *(light_quad(light, k) for k, light in enumerate(lights))]
     view = random_view(rng, 64, 48)

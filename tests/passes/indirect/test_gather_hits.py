@@ -1,4 +1,4 @@
-"""`gather_hits`: light at the hits of gather rays by one shadow ray each, and the ray that goes on [Kaj86]."""
+"""`gather_hits`: light at the hits of gather rays, one shadow ray each, and the ray that goes on [Kaj86]."""
 
 from __future__ import annotations
 
@@ -8,7 +8,6 @@ from typing import Any
 import numpy as np
 import pytest
 from numpy.typing import NDArray
-
 from tests.passes.reference.hashing import pcg4d, random4
 from tests.passes.reference.hemisphere import cosine_directions
 from tests.passes.reference.lights import Area, Light, Spot, random_area, random_spot, table
@@ -66,7 +65,7 @@ def _run(runner: Runner, case: Case, **wave: int) -> tuple[NDArray[Any], NDArray
 
 
 def _places(paths: NDArray[Any], seed: int) -> Array:
-    """Places on the light at the first bounce: the R3 sequence over strata from a start hashed for the pixel."""
+    """Places on the light at the first bounce: the R3 sequence over strata, from the pixel's hashed start."""
     start = pcg4d(paths["pixel"], 0, 3, seed)[:, :3] / 2.0**32
     places: Array = (start + paths["stratum"].astype(np.float64)[:, None] * R3) % 1.0
     return places
@@ -89,10 +88,8 @@ def _single_light(case: Case, places: Array) -> tuple[Array, Array, Array, Array
     light = case.lights[0]
     s = surfaces(case.meshes, case.hits, case.rays["direction"].astype(np.float64))
     origin = s.position + s.normal_geo * (2.0**-20 * s.reach)[:, None]
-    if isinstance(light, Area):
-        d = light.point(places[:, :2]) - origin
-    else:
-        d = light.position - origin
+    target = light.point(places[:, :2]) if isinstance(light, Area) else light.position
+    d = target - origin
     far = np.linalg.norm(d, axis=1)
     w = d / far[:, None]
     shade, geo = (w * s.normal_shade).sum(axis=1), (w * s.normal_geo).sum(axis=1)
@@ -131,7 +128,9 @@ def test_light_from_one_light_agrees_with_the_reference(
     assert_within(paths["pending"][sure], carried[sure], bound[sure], "irradiance carried")
     assert (paths["pending"][dark] == 0).all()
     other = _single_light(case, 1 - _places(case.paths, 5))[1]
-    assert_not_within(paths["pending"][sure], other[sure] if kind != "spot" else 1.01 * carried[sure], bound[sure])
+    assert_not_within(
+        paths["pending"][sure], other[sure] if kind != "spot" else 1.01 * carried[sure], bound[sure]
+    )
 
 
 def test_the_places_on_a_light_cover_it_evenly() -> None:
@@ -217,7 +216,9 @@ def test_rays_go_on_about_the_shading_normal(runner: Runner, rng: np.random.Gene
     height = (expected * s.normal_shade).sum(axis=1)
     bound = (4e-5 + 1e-6 / np.maximum(height, 4e-4))[:, None]
     assert_within(rays["direction"][steady], expected[steady], bound[steady], "directions")
-    assert_not_within(rays["direction"][steady], cosine_directions(s.normal_geo, square)[steady], bound[steady])
+    assert_not_within(
+        rays["direction"][steady], cosine_directions(s.normal_geo, square)[steady], bound[steady]
+    )
     origin = s.position + s.normal_geo * (2.0**-20 * s.reach)[:, None]
     assert_within(rays["origin"][on], origin[on], 2.0**-20 * s.reach[on, None], "origins")
     worth = case.paths["throughput"] * s.albedo

@@ -7,7 +7,6 @@ from typing import Any
 import numpy as np
 import pytest
 from numpy.typing import NDArray
-
 from tests.passes.reference.gbuffers import GBuffer, random_gbuffer
 from tests.passes.reference.hashing import random4
 from tests.passes.reference.hemisphere import concentric, cosine_directions
@@ -97,7 +96,7 @@ def test_waves_are_parts_of_the_whole(runner: Runner, rng: np.random.Generator) 
 def test_a_white_sky_gives_every_flat_surface_pi(runner: Runner, rng: np.random.Generator) -> None:
     """Where both normals agree nothing is lost: the rays' worth adds up to ∫ cosθ dω = π."""
     g = random_gbuffer(rng, 256, tilt=0.0, surfaces=2.0)
-    rays, paths = _run(runner, g, _wave((16, 16), (8, 8)))
+    _, paths = _run(runner, g, _wave((16, 16), (8, 8)))
     total = np.zeros(256)
     np.add.at(total, paths["pixel"].ravel(), paths["throughput"][..., 0].astype(np.float64).ravel())
     assert_within(total, np.full(256, np.pi), 1e-5, "sums")

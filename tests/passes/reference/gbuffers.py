@@ -32,12 +32,14 @@ class GBuffer:
 
     @property
     def origin(self) -> Array:
-        """Where rays leave: off the surface along the geometric normal, by the bound of the position's error."""
+        """Where rays leave: moved along the geometric normal by the bound of the position's error."""
         start: Array = self.position + self.geometric * self.error[:, None]
         return start
 
 
-def random_gbuffer(rng: np.random.Generator, pixels: int, tilt: float = 0.2, surfaces: float = 0.7) -> GBuffer:
+def random_gbuffer(
+    rng: np.random.Generator, pixels: int, tilt: float = 0.2, surfaces: float = 0.7
+) -> GBuffer:
     """Surfaces facing anywhere, their shading normals up to about `tilt` off the geometric ones."""
     geometric = rng.normal(size=(pixels, 3))
     geometric /= np.linalg.norm(geometric, axis=1, keepdims=True)

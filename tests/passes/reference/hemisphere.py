@@ -41,7 +41,7 @@ def concentric(square: Array) -> Array:
 
 
 def cosine_directions(normals: Array, square: Array) -> Array:
-    """Unit directions about each normal with density cosθ/π: a place of the disc, lifted onto the hemisphere."""
+    """Unit directions about each normal with density cosθ/π: places of the disc, lifted to the hemisphere."""
     disc = concentric(square)
     z = np.sqrt(np.clip(1 - (disc**2).sum(axis=-1), 0, None))
     t = frame(normals)

@@ -22,7 +22,7 @@ def single(value: ArrayLike) -> Array:
 
 @dataclasses.dataclass
 class Area:
-    """The parallelogram corner + a·u + b·v, lit on the side of u × v; `radiance` (3,) or a picture (h, w, 3)."""
+    """The parallelogram corner + a·u + b·v, lit on the side of u × v; radiance (3,) or a picture."""
 
     corner: Array
     u: Array
@@ -37,22 +37,27 @@ class Area:
 
     @property
     def area(self) -> float:
+        """Of one side."""
         return float(np.linalg.norm(np.cross(self.u, self.v)))
 
     @property
     def normal(self) -> Array:
+        """Unit normal of the lit side."""
         across: Array = np.cross(self.u, self.v) / self.area
         return across
 
     @property
     def mean(self) -> Array:
+        """Mean radiance."""
         return self.radiance if self.radiance.ndim == 1 else self.radiance.mean(axis=(0, 1))
 
     def point(self, ab: NDArray[Any]) -> Array:
+        """Points at (..., 2) places a, b."""
         place: Array = self.corner + ab[..., :1] * self.u + ab[..., 1:2] * self.v
         return place
 
     def emitted(self, ab: NDArray[Any]) -> Array:
+        """Radiance at (n, 2) places a, b."""
         if self.radiance.ndim == 1:
             return np.broadcast_to(self.radiance, (len(ab), 3))
         return emitted(self.radiance, ab, self.linear)

@@ -1,7 +1,8 @@
-"""Textures and light pictures as functions of the plane, in float64, by the tents and boxes of their texels."""
+"""Textures and light pictures as functions of the plane, in float64, by tents and boxes of their texels."""
 
 from __future__ import annotations
 
+import itertools
 from typing import Any
 
 import numpy as np
@@ -23,7 +24,7 @@ def pack_half(texels: NDArray[Any]) -> NDArray[np.uint32]:
 
 
 def repeated(texels: NDArray[Any], uv: NDArray[Any]) -> Array:
-    """Bilinear, repeating texture: texel (row r, column c) is the value at u = (c + 1/2)/w, v = 1 − (r + 1/2)/h.
+    """Bilinear, repeating texture: texel (r, c) is the value at u = (c + 1/2)/w, v = 1 − (r + 1/2)/h.
 
     Between the centres each texel weighs by its tent, and the picture goes on periodically; `uv` (n, 2).
     """
@@ -43,7 +44,7 @@ def repeated(texels: NDArray[Any], uv: NDArray[Any]) -> Array:
 
 
 def _hats(x: NDArray[Any], count: int) -> Array:
-    """Weights of `count` texels at places x (in texels): linear between centres, constant beyond the outermost."""
+    """Weights of `count` texels at places x (in texels): linear between centres, constant beyond the last."""
     centres = np.arange(count) + 0.5
     return np.stack([np.interp(x, centres, unit) for unit in np.eye(count)], axis=-1)
 
@@ -54,7 +55,7 @@ def _boxes(x: NDArray[Any], count: int) -> Array:
 
 
 def emitted(texels: NDArray[Any], ab: NDArray[Any], linear: bool) -> Array:
-    """Radiance of a light picture at (a, b): row 0 lies at b = 1, column 0 at a = 0; constant patches or linear."""
+    """Radiance of a light picture at (a, b): row 0 lies at b = 1, column 0 at a = 0; patches or linear."""
     height, width = texels.shape[:2]
     weights = _hats if linear else _boxes
     places = np.asarray(ab, np.float64)
@@ -70,7 +71,7 @@ def _mean_weights(cells: int, count: int, linear: bool) -> Array:
     # every place where the weights bend, or jump
     bends = np.arange(count) + 0.5 if linear else np.arange(1, count)
     means = np.zeros((cells, count))
-    for cell, (lo, hi) in enumerate(zip(edges[:-1], edges[1:], strict=True)):
+    for cell, (lo, hi) in enumerate(itertools.pairwise(edges)):
         knots = np.concatenate([[lo], bends[(bends > lo) & (bends < hi)], [hi]])
         if linear:  # the trapezoid rule is exact between bends
             ends = _hats(knots, count)

@@ -1,4 +1,4 @@
-"""Memory layout of what shaders read and write; `tests/rust/layouts.rs` proves the same of the host's structs."""
+"""Memory layout of what shaders read and write; `tests/rust/layouts.rs` proves it of the host's structs."""
 
 from __future__ import annotations
 
@@ -63,7 +63,11 @@ GATHER_WAVE = np.dtype(
     + _fields("lights", "seed", "bounce", "last")
 )
 LIGHT_SAMPLES = np.dtype(
-    [*_fields("light", "strata_u", "strata_v", "patterns", "seed", "jittered"), ("t_max", "<f4"), ("pad", "<u4")]
+    [
+        *_fields("light", "strata_u", "strata_v", "patterns", "seed", "jittered"),
+        ("t_max", "<f4"),
+        ("pad", "<u4"),
+    ]
 )
 RECEIVERS = np.dtype(_fields("width", "height", "first", "patterns", "seed", "pad0", "pad1", "pad2"))
 GATHER = np.dtype(_fields("strata", "words", "light", "pad"))

@@ -60,7 +60,7 @@ def pack(meshes: list[Placed]) -> dict[str, NDArray[Any]]:
     texels: list[NDArray[np.uint32]] = [np.zeros((5, 2), np.uint32)]
     instances = np.zeros(len(meshes), INSTANCE)
     for mesh, at in zip(meshes, instances, strict=True):
-        attributes = {
+        attributes: dict[str, NDArray[Any] | None] = {
             "triangles": mesh.triangles,
             "positions": mesh.positions,
             "normals": mesh.normals,
@@ -146,7 +146,7 @@ def surfaces(meshes: list[Placed], hits: NDArray[Any], directions: Array) -> Sur
 
 
 def random_transform(rng: np.random.Generator, kind: str) -> Array:
-    """A transform: "rigid", "mirrored", "stretched" (unequal scales and a shear) or "far" (away from the origin)."""
+    """A transform: "rigid", "mirrored", "stretched" (unequal scales, a shear) or "far" (from the origin)."""
     made = np.eye(4)
     made[:3, :3] = rotation(rng)
     made[:3, 3] = rng.normal(size=3) * (300.0 if kind == "far" else 1.0)
@@ -188,7 +188,9 @@ def light_quad(light: Area, number: int) -> Placed:
     return Placed(square, triangles, placed, np.zeros(3), light=number)
 
 
-def random_hits(rng: np.random.Generator, meshes: list[Placed], count: int, misses: float = 0.0) -> NDArray[Any]:
+def random_hits(
+    rng: np.random.Generator, meshes: list[Placed], count: int, misses: float = 0.0
+) -> NDArray[Any]:
     """Hits all over the meshes, a share of them misses."""
     hits = np.zeros(count, HIT)
     hits["instance"] = rng.integers(0, len(meshes), count)
