@@ -126,7 +126,7 @@ def relmse(
     Parameters
     ----------
     image, reference, mask, trim, noise_free
-        As for `rmse`; the pixels with the largest terms are trimmed.
+        As for `rmse`; the pixels with the largest terms are trimmed. The noise of the denominator stays.
 
     Returns
     -------

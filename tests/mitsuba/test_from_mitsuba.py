@@ -70,7 +70,8 @@ def small_scene(mi: Any, **light: Any) -> dict[str, Any]:
 @pytest.mark.parametrize("mirrored", [False, True])
 def test_a_dict_scene_comes_back_the_same(mi: Any, mirrored: bool) -> None:
     T = mi.ScalarTransform4f
-    texels = np.random.default_rng(0).uniform(0, 20, (3, 5, 3)).astype(np.float32)
+    texels = np.random.default_rng(0).uniform(0, 5, (3, 5, 3)).astype(np.float32)
+    texels[0, 0] *= 30.0  # one bright corner
     radiance = {"type": "bitmap", "bitmap": mi.Bitmap(texels), "raw": True, "filter_type": "nearest"}
     changes: dict[str, Any] = {"emitter": {"type": "area", "radiance": radiance}}
     if mirrored:
@@ -79,7 +80,7 @@ def test_a_dict_scene_comes_back_the_same(mi: Any, mirrored: bool) -> None:
     theirs = rendered(mi, description, 4096)
     scene = load(description)
     ours = ml.mitsuba.reference(scene, scene.cameras["eye"], 4096, pixel="box", cached=False)
-    assert theirs.mean() > 0.03
+    assert theirs.mean() > 0.01
     assert ml.metrics.relative_rmse(theirs, ours, trim=0.01) < 0.02
     assert abs(theirs.mean() / ours.mean.mean() - 1.0) < 0.003
     # negative control: the texture's columns the other way round
@@ -301,9 +302,9 @@ def test_metals_and_the_rest() -> None:
 
 
 def _tensor() -> Any:
-    import mitsuba
+    from drjit.scalar import TensorXf
 
-    return mitsuba.scalar_rgb.TensorXf(np.full((2, 2, 1), 0.5, np.float32))
+    return TensorXf(np.full((2, 2, 1), 0.5, np.float32))
 
 
 def test_one_sided_surfaces_are_reported(tmp_path: Path) -> None:
