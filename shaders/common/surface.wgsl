@@ -8,9 +8,10 @@ const TEXTURE: u32 = 4u;
 const LIGHT: u32 = 8u;
 const NO_LIGHT: u32 = 0xffffffffu;
 
-// Bound of a position's rounding error, as a share of the largest coordinate that made it (N5): 16 ulps cover the
-// barycentric sum, the transform to scene space and the one back into another instance's space.
-const ORIGIN_ERROR: f32 = 9.5367432e-7;
+// How far a ray starts off its surface, as a share of the largest coordinate that made the point (N5): 64 roundings of
+// 2^-24. About 10 are the barycentric sum and the transform to scene space, as many the way back into object space, and
+// 20 the intersector's, whose triangle is off by its corners' roundings however near to the middle of it a ray starts.
+const ORIGIN_ERROR: f32 = 3.8146973e-6;
 
 struct Instance {
     scene_from_object: array<vec4f, 3>,
@@ -88,6 +89,14 @@ fn scene_direction(at: Instance, v: vec3f) -> vec3f {
     );
 }
 
+// Largest coordinate in scene space, relative to the object's origin, of points whose coordinates reach to `corner`.
+fn scene_reach(at: Instance, corner: vec3f) -> f32 {
+    let x = dot(abs(at.scene_from_object[0].xyz), corner);
+    let y = dot(abs(at.scene_from_object[1].xyz), corner);
+    let z = dot(abs(at.scene_from_object[2].xyz), corner);
+    return max(x, max(y, z));
+}
+
 // Unit even where the squares of the components would underflow.
 fn safe_normalize(v: vec3f) -> vec3f {
     let largest = max(abs(v.x), max(abs(v.y), abs(v.z)));
@@ -119,15 +128,16 @@ fn surface_at(hit: Hit, direction: vec3f) -> Surface {
     let first = at.triangles + 3u * hit.triangle;
     let corners = vec3u(geometry[first], geometry[first + 1u], geometry[first + 2u]);
     let a = geometry_vec3(at.positions, corners.x);
-    let e1 = geometry_vec3(at.positions, corners.y) - a;
-    let e2 = geometry_vec3(at.positions, corners.z) - a;
+    let b = geometry_vec3(at.positions, corners.y);
+    let c = geometry_vec3(at.positions, corners.z);
+    let e1 = b - a;
+    let e2 = c - a;
     let local = a + hit.u * e1 + hit.v * e2;
 
     var s: Surface;
     s.position = scene_direction(at, local)
         + vec3f(at.scene_from_object[0].w, at.scene_from_object[1].w, at.scene_from_object[2].w);
-    let reach = max(abs(s.position.x), max(abs(s.position.y), abs(s.position.z)));
-    s.origin_error = ORIGIN_ERROR * (reach + at.extent);
+    s.origin_error = ORIGIN_ERROR * (scene_reach(at, max(abs(a), max(abs(b), abs(c)))) + at.extent);
     let geometric = safe_normalize(cross(safe_normalize(scene_direction(at, e1)), safe_normalize(scene_direction(at, e2))));
     s.front = dot(geometric, direction) <= 0.0;
     s.normal_geo = select(-geometric, geometric, s.front);
