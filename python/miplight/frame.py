@@ -35,9 +35,10 @@ IMAGES = (
     "surface_mask",
 )
 """Outputs that are one array with a row a pixel row."""
-OUTPUTS = (*IMAGES, "fragments", "statistics")
+OUTPUTS = (*IMAGES, "fragments", "statistics", "stats")
 """What `outputs=` of a render may name."""
-_MAPS = ("level_map", "reason_map")
+MAPS = ("level_map", "reason_map")
+"""The arrays behind the output `fragments`."""
 
 
 class Frame:
@@ -204,7 +205,7 @@ class Frame:
         return self._fragments_of("specular_") if "specular_level_map" in self.names else None
 
     def _fragments_of(self, prefix: str) -> Fragments:
-        level_map, reason_map = (self._array(prefix + name) for name in _MAPS)
+        level_map, reason_map = (self._array(prefix + name) for name in MAPS)
         refined = self._settings.get("refine", "none") != "none"
         coarsest = int(self._settings.get("coarsest_level") or 0) if refined else 0
         extra = int(self._stats.get(prefix + "extra_samples", 0))

@@ -14,7 +14,7 @@ from . import _core
 from ._table import unknown
 from .camera import Camera
 from .errors import DeviceError, SceneError, SettingsError
-from .frame import OUTPUTS, Frame
+from .frame import MAPS, OUTPUTS, Frame
 from .plan import Plan
 from .settings import Settings, as_settings
 from .validate import as_matrix, as_numbers, fail
@@ -27,6 +27,8 @@ if TYPE_CHECKING:
 DEFAULT_OUTPUTS = ("image", "fragments", "statistics", "light_mask", "surface_mask")
 
 _warned = threading.Lock()
+# The process that opened the first device: neither a driver's threads nor ours survive a fork.
+_opened_by: list[int] = []
 
 
 class SoftwareAdapterWarning(UserWarning):
@@ -49,12 +51,14 @@ class Renderer:
     Raises
     ------
     DeviceError
-        If no adapter fits, or it cannot be opened.
+        If no adapter fits, it cannot be opened, or this process was forked from one that had opened a
+        renderer.
     """
 
     def __init__(self, adapter: str = "auto") -> None:
         if not isinstance(adapter, str):
             fail("adapter", adapter, "'auto', 'gpu', 'cpu' or part of an adapter's name", DeviceError)
+        _check_not_forked()
         self._core = _core.Renderer(adapter)
         self._adapter: dict[str, Any] = dict(self._core.adapter)
         self._lock = threading.RLock()
@@ -217,6 +221,17 @@ class Renderer:
         return f"<Renderer on {about['name']} ({about['backend']}, {about['trace']} rays)>"
 
 
+def _check_not_forked() -> None:
+    if not _opened_by:
+        _opened_by.append(os.getpid())
+    if _opened_by[0] != os.getpid():
+        raise DeviceError(
+            "this process was forked from one that had opened a Renderer, and a driver does not survive "
+            "that; start processes with the 'spawn' or 'forkserver' method, or open the first Renderer "
+            "after the fork"
+        )
+
+
 def adapters() -> list[dict[str, Any]]:
     """The adapters of this machine, best first: name, backend, driver, device_type, software."""
     return [dict(adapter) for adapter in _core.adapters()]
@@ -290,7 +305,7 @@ def _checked_outputs(outputs: Iterable[str]) -> tuple[str, ...]:
         if name not in OUTPUTS:
             raise unknown("output", name, OUTPUTS)
         # statistics are always there
-        found = {"fragments": ("level_map", "reason_map"), "statistics": ()}.get(name, (name,))
+        found = {"fragments": MAPS, "statistics": (), "stats": ()}.get(name, (name,))
         arrays |= dict.fromkeys(found)
     return tuple(arrays)
 

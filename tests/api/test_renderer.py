@@ -301,6 +301,11 @@ def test_a_renderer_used_after_fork_says_so() -> None:
             except ml.DeviceError as error:
                 code = code if "fork" in str(error) else 4
             renderer.close()
+            try:
+                ml.Renderer()
+                code = 5
+            except ml.DeviceError as error:
+                code = code if "fork" in str(error) else 6
             os._exit(code)
         print(os.waitstatus_to_exitcode(os.waitpid(child, 0)[1]), renderer.render(scene, camera).image.any())
         """
