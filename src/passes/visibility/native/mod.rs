@@ -1,0 +1,13 @@
+//! Parts of the native trace.
+pub(super) mod dispatch;
+pub(super) mod instance;
+mod packet;
+mod rays;
+mod scene;
+mod shadow;
+mod simd;
+mod simd_portable;
+#[cfg(target_arch = "x86_64")]
+mod simd_x86;
+mod single;
+mod triangle;

@@ -1,0 +1,262 @@
+//! Packets: one node or triangle against all rays of a packet.
+use super::rays::{Local, Row};
+use super::simd::{Isa, Lanes, Mask, set_lanes};
+use super::single;
+use super::triangle::{Crossing, Shear, cross};
+use crate::scene::bvh::{Blas, Child, Node8, TriangleBlock};
+
+/// A packet with this many rays left, or fewer, is finished ray by ray.
+const SINGLE_BELOW: u32 = 4;
+
+/// What the rays of a packet know so far.
+pub(crate) struct State {
+    pub(crate) t_min: Row,
+    /// Nearest hit, or the end of the ray.
+    pub(crate) t: Row,
+    pub(crate) weight1: Row,
+    pub(crate) weight2: Row,
+    pub(crate) instance: [u32; 16],
+    pub(crate) triangle: [u32; 16],
+    /// Rays that still look: in any-hit mode a hit ends a ray.
+    pub(crate) alive: u32,
+}
+
+impl State {
+    /// Rays on their way.
+    pub(crate) fn new(t_min: Row, t_max: Row, alive: u32) -> Self {
+        let zero = Row([0.0; 16]);
+        let none = [u32::MAX; 16];
+        Self { t_min, t: t_max, weight1: zero, weight2: zero, instance: none, triangle: none, alive }
+    }
+
+    /// True when a hit at the same `t` goes before the one that the lane has.
+    #[inline(always)]
+    pub(crate) fn wins_tie(&self, lane: usize, instance: u32, triangle: u32) -> bool {
+        self.instance[lane] != u32::MAX && (instance, triangle) < (self.instance[lane], self.triangle[lane])
+    }
+
+    /// Takes the crossings that are nearer; a tie goes to the smaller instance, then to the smaller triangle.
+    #[inline(always)]
+    fn accept<P: Lanes>(&mut self, crossing: &Crossing<P>, instance: u32, triangle: u32) {
+        let best: P = self.t.get();
+        let after = crossing.mask.and(self.t_min.get::<P>().lt(crossing.t));
+        let mut taken = after.and(crossing.t.lt(best)).bits();
+        for lane in set_lanes(after.and(crossing.t.eq(best)).bits()) {
+            taken |= u32::from(self.wins_tie(lane, instance, triangle)) << lane;
+        }
+        if taken == 0 {
+            return;
+        }
+        let mask = P::M::from_bits(taken);
+        P::select(mask, crossing.t, best).store(&mut self.t.0);
+        P::select(mask, crossing.weight1, self.weight1.get()).store(&mut self.weight1.0);
+        P::select(mask, crossing.weight2, self.weight2.get()).store(&mut self.weight2.0);
+        for lane in set_lanes(taken) {
+            self.instance[lane] = instance;
+            self.triangle[lane] = triangle;
+        }
+    }
+}
+
+/// A subtree that waits, with the rays that want it.
+#[derive(Clone, Copy)]
+#[repr(align(64))]
+pub(crate) struct Entry {
+    /// Where each ray enters its box.
+    near: Row,
+    child: Child,
+    mask: u32,
+}
+
+impl Entry {
+    const IDLE: Self = Self { near: Row([0.0; 16]), child: Child::NONE, mask: 0 };
+
+    /// The root of a tree, for all rays that still look.
+    #[inline(always)]
+    pub(crate) fn root(state: &State) -> Self {
+        Self { near: state.t_min, child: Child::ROOT, mask: state.alive }
+    }
+
+    /// The subtree, and the rays that still want it.
+    #[inline(always)]
+    pub(crate) fn take<P: Lanes, const ANY: bool>(&self, state: &State) -> (Child, u32) {
+        let wanted = if ANY { state.alive } else { self.near.get::<P>().le(state.t.get()).bits() };
+        (self.child, self.mask & wanted)
+    }
+}
+
+/// Buffers of one thread.
+pub(crate) struct Scratch {
+    pub(crate) scene: Vec<Entry>,
+    pub(crate) packet: Vec<Entry>,
+    pub(crate) single: Vec<single::Entry>,
+}
+
+impl Scratch {
+    /// Room for trees of `depth` levels, below a top level of `scene_depth`.
+    pub(crate) fn new(scene_depth: usize, depth: usize) -> Self {
+        let entries = |depth: usize| 8 * depth + 8;
+        Self {
+            scene: vec![Entry::IDLE; entries(scene_depth)],
+            packet: vec![Entry::IDLE; entries(depth)],
+            single: vec![single::Entry::IDLE; entries(depth)],
+        }
+    }
+}
+
+/// The slabs of a packet, in registers.
+pub(crate) struct Slabs<P: Lanes> {
+    inverse: [P; 3],
+    near: [P; 3],
+    far: [P; 3],
+    negative: [P::M; 3],
+    /// Rows of a node with the near and far planes; only where all rays agree in sign.
+    near_row: [usize; 3],
+    far_row: [usize; 3],
+}
+
+impl<P: Lanes> Slabs<P> {
+    #[inline(always)]
+    pub(crate) fn new(local: &Local, active: u32) -> Self {
+        let get = |rows: &[Row; 3]| [rows[0].get(), rows[1].get(), rows[2].get()];
+        let negative = local.heading.negative;
+        let back = negative.map(|bits| bits & active != 0);
+        Self {
+            inverse: get(&local.heading.inverse),
+            near: get(&local.near),
+            far: get(&local.far),
+            negative: negative.map(P::M::from_bits),
+            near_row: [0, 1, 2].map(|i| if back[i] { i + 3 } else { i }),
+            far_row: [0, 1, 2].map(|i| if back[i] { i } else { i + 3 }),
+        }
+    }
+
+    /// Where the rays enter and leave the box of a child.
+    #[inline(always)]
+    pub(crate) fn test<const COHERENT: bool>(&self, node: &Node8, slot: usize) -> (P, P) {
+        let plane = |i: usize, far: bool| {
+            if COHERENT {
+                P::splat(node.bounds[if far { self.far_row[i] } else { self.near_row[i] }][slot])
+            } else {
+                let (lo, hi) = (P::splat(node.bounds[i][slot]), P::splat(node.bounds[i + 3][slot]));
+                if far { P::select(self.negative[i], lo, hi) } else { P::select(self.negative[i], hi, lo) }
+            }
+        };
+        let near = [0, 1, 2].map(|i| plane(i, false).fma(self.inverse[i], self.near[i]));
+        let far = [0, 1, 2].map(|i| plane(i, true).fma(self.inverse[i], self.far[i]));
+        (near[0].max(near[1]).max(near[2]), far[0].min(far[1]).min(far[2]))
+    }
+}
+
+/// Tests the triangles of a block; `COHERENT`: all rays share the largest component of their direction.
+#[inline(always)]
+fn block<P: Lanes, const ANY: bool, const COHERENT: bool>(
+    local: &Local,
+    block: &TriangleBlock,
+    count: usize,
+    mut active: u32,
+    state: &mut State,
+    instance: u32,
+) {
+    let shear = Shear {
+        x: local.heading.shear[0].get::<P>(),
+        y: local.heading.shear[1].get(),
+        z: local.heading.shear[2].get(),
+    };
+    let major = local.heading.major;
+    let z = if major[2] & active != 0 { 2 } else { usize::from(major[1] & active != 0) };
+    let axes = [(z + 1) % 3, (z + 2) % 3, z];
+    let (is_z, is_y) = (P::M::from_bits(major[2]), P::M::from_bits(major[1]));
+    for slot in 0..count {
+        let corner = |vertex: usize| {
+            let at = |axis: usize| P::splat(block.corner[vertex][axis][slot]) - local.origin[axis].get();
+            if COHERENT {
+                return axes.map(at);
+            }
+            let (px, py, pz) = (at(0), at(1), at(2));
+            let pick = |x: P, y: P, z: P| P::select(is_z, z, P::select(is_y, y, x));
+            [pick(py, pz, px), pick(pz, px, py), pick(px, py, pz)]
+        };
+        let crossing = cross(corner(0), corner(1), corner(2), &shear, P::M::from_bits(active));
+        let Some(crossing) = crossing else { continue };
+        if ANY {
+            let inside = state.t_min.get::<P>().lt(crossing.t).and(crossing.t.lt(state.t.get()));
+            active &= !crossing.mask.and(inside).bits();
+            state.alive &= !crossing.mask.and(inside).bits();
+            if active == 0 {
+                return;
+            }
+        } else {
+            state.accept(&crossing, instance, block.triangle[slot]);
+        }
+    }
+}
+
+/// Traces the `active` rays of a packet through the tree of a mesh.
+#[inline(always)]
+pub(crate) fn traverse<I: Isa, const ANY: bool, const COHERENT: bool>(
+    blas: &Blas,
+    local: &Local,
+    active: u32,
+    state: &mut State,
+    scratch: &mut Scratch,
+    instance: u32,
+) {
+    let slabs = Slabs::<I::Packet>::new(local, active);
+    let nodes = blas.nodes_wide();
+    scratch.packet[0] = Entry { mask: active, ..Entry::root(state) };
+    let mut top = 1;
+    while top > 0 {
+        top -= 1;
+        let (child, mask) = scratch.packet[top].take::<I::Packet, ANY>(state);
+        if mask == 0 {
+            continue;
+        }
+        if child.is_leaf() {
+            let triangles = &blas.blocks()[child.index()];
+            block::<I::Packet, ANY, COHERENT>(local, triangles, child.count(), mask, state, instance);
+        } else if mask.count_ones() <= SINGLE_BELOW {
+            for lane in set_lanes(mask) {
+                single::traverse::<I, ANY>(blas, local, lane, child, state, &mut scratch.single, instance);
+            }
+        } else {
+            top = descend::<I::Packet, COHERENT>(&nodes[child.index()], &slabs, mask, state, &mut scratch.packet, top);
+        }
+    }
+}
+
+/// Pushes the children of a node that rays enter, the nearest last; returns the new top of the stack.
+#[inline(always)]
+pub(crate) fn descend<P: Lanes, const COHERENT: bool>(
+    node: &Node8,
+    slabs: &Slabs<P>,
+    mask: u32,
+    state: &State,
+    stack: &mut [Entry],
+    mut top: usize,
+) -> usize {
+    let (start, end): (P, P) = (state.t_min.get(), state.t.get());
+    let active = P::M::from_bits(mask);
+    let base = top;
+    for slot in 0..node.count as usize {
+        let (near, far) = slabs.test::<COHERENT>(node, slot);
+        let near = near.max(start);
+        let hit = near.not_gt(far.min(end)).and(active).bits();
+        if hit == 0 {
+            continue;
+        }
+        let mut entry = Entry { near: Row([0.0; 16]), child: node.children[slot], mask: hit };
+        near.store(&mut entry.near.0);
+        // Insertion by the entry of the first ray: far ones first.
+        let lane = hit.trailing_zeros() as usize;
+        let key = entry.near.0[lane];
+        let mut at = top;
+        while at > base && stack[at - 1].near.0[lane] < key {
+            stack[at] = stack[at - 1];
+            at -= 1;
+        }
+        stack[at] = entry;
+        top += 1;
+    }
+    top
+}

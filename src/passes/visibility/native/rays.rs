@@ -1,0 +1,176 @@
+//! A packet of rays: in scene space, and as an instance sees it.
+use super::super::trace_native::Ray;
+use super::instance::Placed;
+use super::simd::{Lanes, Mask};
+
+/// One value per ray; vectors load its first lanes.
+#[derive(Clone, Copy, Debug)]
+#[repr(align(64))]
+pub(crate) struct Row(pub(crate) [f32; 16]);
+
+impl Row {
+    #[inline(always)]
+    fn of<P: Lanes>(value: P) -> Self {
+        let mut row = Self([0.0; 16]);
+        value.store(&mut row.0);
+        row
+    }
+    /// As a vector.
+    #[inline(always)]
+    pub(crate) fn get<P: Lanes>(&self) -> P {
+        P::load(&self.0)
+    }
+}
+
+/// Rays in scene space, structure of arrays.
+#[derive(Clone)]
+pub(crate) struct Bundle {
+    pub(crate) origin: [Row; 3],
+    pub(crate) direction: [Row; 3],
+    pub(crate) t_min: Row,
+    pub(crate) t_max: Row,
+    /// Lanes that hold a valid ray.
+    pub(crate) active: u32,
+}
+
+impl Bundle {
+    /// Harmless rays, none of them active.
+    pub(crate) const IDLE: Self = Self {
+        origin: [Row([0.0; 16]); 3],
+        direction: [Row([0.0; 16]), Row([0.0; 16]), Row([1.0; 16])],
+        t_min: Row([0.0; 16]),
+        t_max: Row([0.0; 16]),
+        active: 0,
+    };
+
+    /// Up to one packet of rays; the rest of the lanes idle.
+    #[inline(always)]
+    pub(crate) fn fill(&mut self, rays: &[Ray]) {
+        for (lane, ray) in rays.iter().enumerate().take(16) {
+            for axis in 0..3 {
+                self.origin[axis].0[lane] = ray.origin[axis];
+                self.direction[axis].0[lane] = ray.direction[axis];
+            }
+            self.t_min.0[lane] = ray.t_min;
+            self.t_max.0[lane] = ray.t_max;
+        }
+        self.active = if rays.len() >= 16 { 0xffff } else { (1 << rays.len()) - 1 };
+    }
+
+    /// Drops the rays that can hit nothing by the rules of the trace; what their lanes hold is never looked at.
+    #[inline(always)]
+    pub(crate) fn check<P: Lanes>(&mut self) {
+        let (zero, huge) = (P::splat(0.0), P::splat(f32::MAX));
+        let mut valid = P::M::from_bits(self.active).and(self.t_min.get::<P>().lt(self.t_max.get()));
+        let mut length = zero;
+        for row in self.origin.iter().chain(&self.direction) {
+            valid = valid.and(row.get::<P>().abs().le(huge));
+        }
+        for row in &self.direction {
+            length = length.max(row.get::<P>().abs());
+        }
+        self.active = valid.and(zero.lt(length)).bits();
+    }
+}
+
+/// Component of a direction below this share of the largest one is raised to it for the box tests, so that no
+/// reciprocal is infinite. The shift, 2^-32 of the way, is far inside [`MARGIN`].
+const FLAT: f32 = 1.0 / 4_294_967_296.0;
+
+/// Boxes are entered with a margin of this share of |origin| + |box|, in space: 16 units in the last place.
+/// It covers the slab arithmetic [Ize13] and that of the triangle test, so that no hit of `triangle::cross` is
+/// culled, whatever the tree; that is why answers do not depend on the traversal.
+const MARGIN: f32 = 1.0 / 1_048_576.0;
+
+/// Directions of a packet, prepared.
+#[derive(Clone)]
+pub(crate) struct Heading {
+    pub(crate) inverse: [Row; 3],
+    /// Shear of the triangle test, x and y over z, and 1 / z.
+    pub(crate) shear: [Row; 3],
+    /// Lanes with a negative component.
+    pub(crate) negative: [u32; 3],
+    /// Lanes whose largest component is x, y or z.
+    pub(crate) major: [u32; 3],
+}
+
+impl Heading {
+    /// Prepares directions.
+    #[inline(always)]
+    pub(crate) fn new<P: Lanes>(direction: &[Row; 3]) -> Self {
+        let d: [P; 3] = [direction[0].get(), direction[1].get(), direction[2].get()];
+        let abs = d.map(P::abs);
+        let floor = abs[0].max(abs[1]).max(abs[2]) * P::splat(FLAT);
+        let one = P::splat(1.0);
+        let inverse = [0, 1, 2].map(|i| one / P::select(abs[i].lt(floor), floor, d[i]));
+        let z_major = abs[0].le(abs[2]).and(abs[1].le(abs[2]));
+        let y_over_x = abs[0].le(abs[1]);
+        // Cyclic order: the axes after the largest one, so that (x, y, z) stays right-handed.
+        let pick = |x: P, y: P, z: P| P::select(z_major, z, P::select(y_over_x, y, x));
+        let z = pick(d[0], d[1], d[2]);
+        let scale = one / z;
+        let shear = [pick(d[1], d[2], d[0]) * scale, pick(d[2], d[0], d[1]) * scale, scale];
+        let (z_bits, y_bits) = (z_major.bits(), y_over_x.bits());
+        let zero = P::splat(0.0);
+        Self {
+            inverse: inverse.map(Row::of),
+            shear: shear.map(Row::of),
+            negative: inverse.map(|v| v.lt(zero).bits()),
+            major: [!z_bits & !y_bits, !z_bits & y_bits, z_bits],
+        }
+    }
+
+    /// True when all `active` rays have the same signs and the same largest component.
+    #[inline(always)]
+    pub(crate) fn is_coherent(&self, active: u32) -> bool {
+        let uniform = |bits: u32| bits & active == 0 || bits & active == active;
+        self.negative.iter().chain(&self.major).all(|&bits| uniform(bits))
+    }
+}
+
+/// A packet in the space of a tree: what boxes and triangles are tested against.
+#[derive(Clone)]
+pub(crate) struct Local<'a> {
+    pub(crate) heading: &'a Heading,
+    pub(crate) origin: [Row; 3],
+    /// A near plane at `p` is reached at `p * inverse + near`, not later; a far one at `p * inverse + far`, not sooner.
+    pub(crate) near: [Row; 3],
+    pub(crate) far: [Row; 3],
+}
+
+impl<'a> Local<'a> {
+    /// Prepares origins for boxes that reach `reach` from the origin of their space.
+    #[inline(always)]
+    pub(crate) fn new<P: Lanes>(origin: [P; 3], heading: &'a Heading, reach: f32) -> Self {
+        let far_out = origin[0].abs().max(origin[1].abs()).max(origin[2].abs()) + P::splat(reach);
+        let margin = far_out * P::splat(MARGIN);
+        let zero = P::splat(0.0);
+        let bound = |i: usize| {
+            let inverse: P = heading.inverse[i].get();
+            let at = zero - origin[i] * inverse;
+            let slack = margin * inverse.abs();
+            (Row::of(at - slack), Row::of(at + slack))
+        };
+        let [(nx, fx), (ny, fy), (nz, fz)] = [bound(0), bound(1), bound(2)];
+        Self { heading, origin: origin.map(Row::of), near: [nx, ny, nz], far: [fx, fy, fz] }
+    }
+}
+
+/// Origins relative to an instance, in its object space.
+#[inline(always)]
+pub(crate) fn enter_origin<P: Lanes>(bundle: &Bundle, placed: &Placed) -> [P; 3] {
+    let offset = [0, 1, 2].map(|i| bundle.origin[i].get::<P>() - P::splat(placed.center[i]));
+    if placed.identity { offset } else { rotate(offset, &placed.rows) }
+}
+
+/// Directions in the object space of an instance whose linear part is not the identity.
+#[inline(always)]
+pub(crate) fn enter_direction<P: Lanes>(bundle: &Bundle, placed: &Placed) -> [Row; 3] {
+    let direction = [0, 1, 2].map(|i| bundle.direction[i].get::<P>());
+    rotate(direction, &placed.rows).map(Row::of)
+}
+
+#[inline(always)]
+fn rotate<P: Lanes>(v: [P; 3], rows: &[[f32; 3]; 3]) -> [P; 3] {
+    rows.map(|r| v[0].fma(P::splat(r[0]), v[1].fma(P::splat(r[1]), v[2] * P::splat(r[2]))))
+}
