@@ -1,6 +1,6 @@
 //! Packets: one node or triangle against all rays of a packet.
-use super::rays::{Local, Row};
-use super::simd::{Isa, Lanes, Mask, set_lanes};
+use super::rays::{Local, Row, cycle, rows};
+use super::simd::{Isa, Lanes, Mask, set_lanes, three};
 use super::single;
 use super::triangle::{Crossing, Shear, cross};
 use crate::scene::bvh::{Blas, Child, Node8, TriangleBlock};
@@ -118,33 +118,51 @@ pub(crate) struct Slabs<P: Lanes> {
 impl<P: Lanes> Slabs<P> {
     #[inline(always)]
     pub(crate) fn new(local: &Local, active: u32) -> Self {
-        let get = |rows: &[Row; 3]| [rows[0].get(), rows[1].get(), rows[2].get()];
         let negative = local.heading.negative;
-        let back = negative.map(|bits| bits & active != 0);
+        let back = three!(i => if negative[i] & active != 0 { 3 } else { 0 });
         Self {
-            inverse: get(&local.heading.inverse),
-            near: get(&local.near),
-            far: get(&local.far),
-            negative: negative.map(P::M::from_bits),
-            near_row: [0, 1, 2].map(|i| if back[i] { i + 3 } else { i }),
-            far_row: [0, 1, 2].map(|i| if back[i] { i } else { i + 3 }),
+            inverse: rows(&local.heading.inverse),
+            near: rows(&local.near),
+            far: rows(&local.far),
+            negative: three!(i => P::M::from_bits(negative[i])),
+            near_row: three!(i => i + back[i]),
+            far_row: three!(i => i + 3 - back[i]),
         }
     }
 
     /// Where the rays enter and leave the box of a child.
     #[inline(always)]
     pub(crate) fn test<const COHERENT: bool>(&self, node: &Node8, slot: usize) -> (P, P) {
-        let plane = |i: usize, far: bool| {
-            if COHERENT {
-                P::splat(node.bounds[if far { self.far_row[i] } else { self.near_row[i] }][slot])
-            } else {
-                let (lo, hi) = (P::splat(node.bounds[i][slot]), P::splat(node.bounds[i + 3][slot]));
-                if far { P::select(self.negative[i], lo, hi) } else { P::select(self.negative[i], hi, lo) }
-            }
-        };
-        let near = [0, 1, 2].map(|i| plane(i, false).fma(self.inverse[i], self.near[i]));
-        let far = [0, 1, 2].map(|i| plane(i, true).fma(self.inverse[i], self.far[i]));
+        let (near, far);
+        if COHERENT {
+            near = three!(i => P::splat(node.bounds[self.near_row[i]][slot]));
+            far = three!(i => P::splat(node.bounds[self.far_row[i]][slot]));
+        } else {
+            let lo = three!(i => P::splat(node.bounds[i][slot]));
+            let hi = three!(i => P::splat(node.bounds[i + 3][slot]));
+            near = three!(i => P::select(self.negative[i], hi[i], lo[i]));
+            far = three!(i => P::select(self.negative[i], lo[i], hi[i]));
+        }
+        let near = three!(i => near[i].fma(self.inverse[i], self.near[i]));
+        let far = three!(i => far[i].fma(self.inverse[i], self.far[i]));
         (near[0].max(near[1]).max(near[2]), far[0].min(far[1]).min(far[2]))
+    }
+}
+
+/// A corner relative to the origins, in the sheared order of axes.
+#[inline(always)]
+fn relative<P: Lanes, const COHERENT: bool>(
+    local: &Local,
+    corner: &[[f32; 4]; 3],
+    slot: usize,
+    axes: [usize; 3],
+    is_z: P::M,
+    is_y: P::M,
+) -> [P; 3] {
+    if COHERENT {
+        three!(i => P::splat(corner[axes[i]][slot]) - local.origin[axes[i]].get())
+    } else {
+        cycle(three!(i => P::splat(corner[i][slot]) - local.origin[i].get()), is_z, is_y)
     }
 }
 
@@ -158,26 +176,15 @@ fn block<P: Lanes, const ANY: bool, const COHERENT: bool>(
     state: &mut State,
     instance: u32,
 ) {
-    let shear = Shear {
-        x: local.heading.shear[0].get::<P>(),
-        y: local.heading.shear[1].get(),
-        z: local.heading.shear[2].get(),
-    };
+    let [x, y, z] = rows::<P>(&local.heading.shear);
+    let shear = Shear { x, y, z };
     let major = local.heading.major;
     let z = if major[2] & active != 0 { 2 } else { usize::from(major[1] & active != 0) };
     let axes = [(z + 1) % 3, (z + 2) % 3, z];
     let (is_z, is_y) = (P::M::from_bits(major[2]), P::M::from_bits(major[1]));
     for slot in 0..count {
-        let corner = |vertex: usize| {
-            let at = |axis: usize| P::splat(block.corner[vertex][axis][slot]) - local.origin[axis].get();
-            if COHERENT {
-                return axes.map(at);
-            }
-            let (px, py, pz) = (at(0), at(1), at(2));
-            let pick = |x: P, y: P, z: P| P::select(is_z, z, P::select(is_y, y, x));
-            [pick(py, pz, px), pick(pz, px, py), pick(px, py, pz)]
-        };
-        let crossing = cross(corner(0), corner(1), corner(2), &shear, P::M::from_bits(active));
+        let [a, b, c] = three!(v => relative::<P, COHERENT>(local, &block.corner[v], slot, axes, is_z, is_y));
+        let crossing = cross(a, b, c, &shear, P::M::from_bits(active));
         let Some(crossing) = crossing else { continue };
         if ANY {
             let inside = state.t_min.get::<P>().lt(crossing.t).and(crossing.t.lt(state.t.get()));

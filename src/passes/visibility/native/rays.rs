@@ -1,7 +1,7 @@
 //! A packet of rays: in scene space, and as an instance sees it.
 use super::super::trace_native::Ray;
 use super::instance::Placed;
-use super::simd::{Lanes, Mask};
+use super::simd::{Lanes, Mask, splat3, three};
 
 /// One value per ray; vectors load its first lanes.
 #[derive(Clone, Copy, Debug)]
@@ -20,6 +20,22 @@ impl Row {
     pub(crate) fn get<P: Lanes>(&self) -> P {
         P::load(&self.0)
     }
+}
+
+/// Three rows as vectors.
+#[inline(always)]
+pub(crate) fn rows<P: Lanes>(rows: &[Row; 3]) -> [P; 3] {
+    three!(i => rows[i].get())
+}
+
+/// Components in cyclic order from the one after the largest, so that (x, y, z) stays right-handed and z is largest.
+#[inline(always)]
+pub(crate) fn cycle<P: Lanes>(v: [P; 3], is_z: P::M, is_y: P::M) -> [P; 3] {
+    [
+        P::select(is_z, v[0], P::select(is_y, v[2], v[1])),
+        P::select(is_z, v[1], P::select(is_y, v[0], v[2])),
+        P::select(is_z, v[2], P::select(is_y, v[1], v[0])),
+    ]
 }
 
 /// Rays in scene space, structure of arrays.
@@ -98,24 +114,22 @@ impl Heading {
     /// Prepares directions.
     #[inline(always)]
     pub(crate) fn new<P: Lanes>(direction: &[Row; 3]) -> Self {
-        let d: [P; 3] = [direction[0].get(), direction[1].get(), direction[2].get()];
-        let abs = d.map(P::abs);
+        let d: [P; 3] = rows(direction);
+        let abs = three!(i => d[i].abs());
         let floor = abs[0].max(abs[1]).max(abs[2]) * P::splat(FLAT);
         let one = P::splat(1.0);
-        let inverse = [0, 1, 2].map(|i| one / P::select(abs[i].lt(floor), floor, d[i]));
+        let inverse = three!(i => one / P::select(abs[i].lt(floor), floor, d[i]));
         let z_major = abs[0].le(abs[2]).and(abs[1].le(abs[2]));
         let y_over_x = abs[0].le(abs[1]);
-        // Cyclic order: the axes after the largest one, so that (x, y, z) stays right-handed.
-        let pick = |x: P, y: P, z: P| P::select(z_major, z, P::select(y_over_x, y, x));
-        let z = pick(d[0], d[1], d[2]);
+        let [x, y, z] = cycle(d, z_major, y_over_x);
         let scale = one / z;
-        let shear = [pick(d[1], d[2], d[0]) * scale, pick(d[2], d[0], d[1]) * scale, scale];
+        let shear = [x * scale, y * scale, scale];
         let (z_bits, y_bits) = (z_major.bits(), y_over_x.bits());
         let zero = P::splat(0.0);
         Self {
-            inverse: inverse.map(Row::of),
-            shear: shear.map(Row::of),
-            negative: inverse.map(|v| v.lt(zero).bits()),
+            inverse: three!(i => Row::of(inverse[i])),
+            shear: three!(i => Row::of(shear[i])),
+            negative: three!(i => inverse[i].lt(zero).bits()),
             major: [!z_bits & !y_bits, !z_bits & y_bits, z_bits],
         }
     }
@@ -123,8 +137,11 @@ impl Heading {
     /// True when all `active` rays have the same signs and the same largest component.
     #[inline(always)]
     pub(crate) fn is_coherent(&self, active: u32) -> bool {
-        let uniform = |bits: u32| bits & active == 0 || bits & active == active;
-        self.negative.iter().chain(&self.major).all(|&bits| uniform(bits))
+        let mut mixed = false;
+        for bits in three!(i => [self.negative[i], self.major[i]]).as_flattened() {
+            mixed |= bits & active != 0 && bits & active != active;
+        }
+        !mixed
     }
 }
 
@@ -145,32 +162,35 @@ impl<'a> Local<'a> {
         let far_out = origin[0].abs().max(origin[1].abs()).max(origin[2].abs()) + P::splat(reach);
         let margin = far_out * P::splat(MARGIN);
         let zero = P::splat(0.0);
-        let bound = |i: usize| {
-            let inverse: P = heading.inverse[i].get();
-            let at = zero - origin[i] * inverse;
-            let slack = margin * inverse.abs();
-            (Row::of(at - slack), Row::of(at + slack))
-        };
-        let [(nx, fx), (ny, fy), (nz, fz)] = [bound(0), bound(1), bound(2)];
-        Self { heading, origin: origin.map(Row::of), near: [nx, ny, nz], far: [fx, fy, fz] }
+        let inverse: [P; 3] = rows(&heading.inverse);
+        let at = three!(i => zero - origin[i] * inverse[i]);
+        let slack = three!(i => margin * inverse[i].abs());
+        Self {
+            heading,
+            origin: three!(i => Row::of(origin[i])),
+            near: three!(i => Row::of(at[i] - slack[i])),
+            far: three!(i => Row::of(at[i] + slack[i])),
+        }
     }
 }
 
 /// Origins relative to an instance, in its object space.
 #[inline(always)]
 pub(crate) fn enter_origin<P: Lanes>(bundle: &Bundle, placed: &Placed) -> [P; 3] {
-    let offset = [0, 1, 2].map(|i| bundle.origin[i].get::<P>() - P::splat(placed.center[i]));
+    let offset = three!(i => bundle.origin[i].get::<P>() - P::splat(placed.center[i]));
     if placed.identity { offset } else { rotate(offset, &placed.rows) }
 }
 
 /// Directions in the object space of an instance whose linear part is not the identity.
 #[inline(always)]
 pub(crate) fn enter_direction<P: Lanes>(bundle: &Bundle, placed: &Placed) -> [Row; 3] {
-    let direction = [0, 1, 2].map(|i| bundle.direction[i].get::<P>());
-    rotate(direction, &placed.rows).map(Row::of)
+    let turned = rotate(rows::<P>(&bundle.direction), &placed.rows);
+    three!(i => Row::of(turned[i]))
 }
 
 #[inline(always)]
 fn rotate<P: Lanes>(v: [P; 3], rows: &[[f32; 3]; 3]) -> [P; 3] {
-    rows.map(|r| v[0].fma(P::splat(r[0]), v[1].fma(P::splat(r[1]), v[2] * P::splat(r[2]))))
+    let [x, y, z] = three!(i => splat3::<P>(rows[i]));
+    let row = [x, y, z];
+    three!(i => v[0].fma(row[i][0], v[1].fma(row[i][1], v[2] * row[i][2])))
 }

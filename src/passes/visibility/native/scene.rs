@@ -1,7 +1,7 @@
 //! The upper level: a packet through the boxes of the instances and into each.
 use super::super::trace_native::TraceScene;
 use super::packet::{self, Entry, Scratch, Slabs, State};
-use super::rays::{Bundle, Heading, Local, enter_direction, enter_origin};
+use super::rays::{Bundle, Heading, Local, enter_direction, enter_origin, rows};
 use super::simd::Isa;
 
 /// Traces a packet; its answers are in the state.
@@ -13,8 +13,7 @@ pub(crate) fn trace<I: Isa, const ANY: bool>(scene: &TraceScene, bundle: &mut Bu
         return state;
     }
     let heading = Heading::new::<I::Packet>(&bundle.direction);
-    let origin = [0, 1, 2].map(|i| bundle.origin[i].get::<I::Packet>());
-    let local = Local::new(origin, &heading, scene.tlas.bounds().max_abs());
+    let local = Local::new(rows::<I::Packet>(&bundle.origin), &heading, scene.tlas.bounds().max_abs());
     let slabs = Slabs::<I::Packet>::new(&local, bundle.active);
     let coherent = heading.is_coherent(bundle.active);
     let mut stack = std::mem::take(&mut scratch.scene);

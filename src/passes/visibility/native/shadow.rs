@@ -1,9 +1,9 @@
 //! Shadow rays of receivers towards the samples of one light.
 use super::super::trace_native::{Receiver, SampleTable, TraceScene};
 use super::packet::Scratch;
-use super::rays::{Bundle, Row};
+use super::rays::{Bundle, Row, rows};
 use super::scene::trace;
-use super::simd::{Isa, Lanes, Mask, set_lanes};
+use super::simd::{Isa, Lanes, Mask, set_lanes, splat3};
 
 /// A sample table as columns, so that neighbouring strata load as vectors.
 pub(crate) struct Columns {
@@ -46,15 +46,15 @@ fn dot<P: Lanes>(a: [P; 3], b: [P; 3]) -> P {
 /// Lanes whose sample faces the surface and whose light emits towards it.
 #[inline(always)]
 fn facing<P: Lanes>(table: &SampleTable, direction: &[Row; 3], points: &Points) -> u32 {
-    let get = |rows: &[Row; 3]| [rows[0].get::<P>(), rows[1].get(), rows[2].get()];
-    let (d, zero) = (get(direction), P::splat(0.0));
-    let mut mask = zero.lt(dot(get(&points.normal_geo), d)).and(zero.lt(dot(get(&points.normal_shade), d)));
+    let (d, zero) = (rows::<P>(direction), P::splat(0.0));
+    let geo = zero.lt(dot(rows(&points.normal_geo), d));
+    let mut mask = geo.and(zero.lt(dot(rows(&points.normal_shade), d)));
     if !table.two_sided {
-        mask = mask.and(dot(table.light_normal.map(P::splat), d).lt(zero));
+        mask = mask.and(dot(splat3(table.light_normal), d).lt(zero));
     }
     if table.cos_cutoff > -1.0 {
         let limit = P::splat(table.cos_cutoff) * dot(d, d).sqrt();
-        mask = mask.and(limit.le(zero - dot(table.cone_axis.map(P::splat), d)));
+        mask = mask.and(limit.le(zero - dot(splat3(table.cone_axis), d)));
     }
     mask.bits()
 }

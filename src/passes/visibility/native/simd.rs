@@ -65,6 +65,33 @@ pub(crate) trait Lanes:
     }
 }
 
+/// `[f(0), f(1), f(2)]`, spelled out: a closure would not be compiled for the instruction set of its caller.
+macro_rules! three {
+    ($i:ident => $value:expr) => {
+        [
+            {
+                let $i = 0;
+                $value
+            },
+            {
+                let $i = 1;
+                $value
+            },
+            {
+                let $i = 2;
+                $value
+            },
+        ]
+    };
+}
+pub(crate) use three;
+
+/// The three components of a vector, each in all lanes.
+#[inline(always)]
+pub(crate) fn splat3<L: Lanes>(v: [f32; 3]) -> [L; 3] {
+    three!(i => L::splat(v[i]))
+}
+
 /// The vector types of one instruction set.
 pub(crate) trait Isa {
     /// Rays of a packet.

@@ -1,7 +1,7 @@
 //! One ray: eight boxes or four triangles at a time.
 use super::packet::State;
 use super::rays::Local;
-use super::simd::{Isa, Lanes, Mask, set_lanes};
+use super::simd::{Isa, Lanes, Mask, set_lanes, three};
 use super::triangle::{Shear, cross};
 use crate::scene::bvh::{Blas, Child, Node8, TriangleBlock};
 
@@ -34,19 +34,18 @@ impl<I: Isa> SingleRay<I> {
     #[inline(always)]
     fn new(local: &Local, lane: usize, state: &State) -> Self {
         let heading = local.heading;
-        let is = |bits: u32| bits >> lane & 1 == 1;
-        let back = heading.negative.map(is);
-        let z = if is(heading.major[2]) { 2 } else { usize::from(is(heading.major[1])) };
+        let back = three!(i => (heading.negative[i] >> lane & 1) as usize * 3);
+        let z = (heading.major[1] >> lane & 1) as usize + 2 * (heading.major[2] >> lane & 1) as usize;
         let axes = [(z + 1) % 3, (z + 2) % 3, z];
         Self {
-            inverse: [0, 1, 2].map(|i| I::Node::splat(heading.inverse[i].0[lane])),
-            near: [0, 1, 2].map(|i| I::Node::splat(local.near[i].0[lane])),
-            far: [0, 1, 2].map(|i| I::Node::splat(local.far[i].0[lane])),
+            inverse: three!(i => I::Node::splat(heading.inverse[i].0[lane])),
+            near: three!(i => I::Node::splat(local.near[i].0[lane])),
+            far: three!(i => I::Node::splat(local.far[i].0[lane])),
             start: I::Node::splat(state.t_min.0[lane]),
-            near_row: [0, 1, 2].map(|i| if back[i] { i + 3 } else { i }),
-            far_row: [0, 1, 2].map(|i| if back[i] { i } else { i + 3 }),
+            near_row: three!(i => i + back[i]),
+            far_row: three!(i => i + 3 - back[i]),
             axes,
-            origin: axes.map(|axis| I::Block::splat(local.origin[axis].0[lane])),
+            origin: three!(i => I::Block::splat(local.origin[axes[i]].0[lane])),
             shear: Shear {
                 x: I::Block::splat(heading.shear[0].0[lane]),
                 y: I::Block::splat(heading.shear[1].0[lane]),
@@ -59,14 +58,20 @@ impl<I: Isa> SingleRay<I> {
     /// Children that the ray enters before `end`, and where.
     #[inline(always)]
     fn enter(&self, node: &Node8, end: f32) -> (u32, [f32; 8]) {
-        let near = [0, 1, 2].map(|i| I::Node::load(&node.bounds[self.near_row[i]]).fma(self.inverse[i], self.near[i]));
-        let far = [0, 1, 2].map(|i| I::Node::load(&node.bounds[self.far_row[i]]).fma(self.inverse[i], self.far[i]));
+        let near = three!(i => I::Node::load(&node.bounds[self.near_row[i]]).fma(self.inverse[i], self.near[i]));
+        let far = three!(i => I::Node::load(&node.bounds[self.far_row[i]]).fma(self.inverse[i], self.far[i]));
         let start = near[0].max(near[1]).max(near[2]).max(self.start);
         let stop = far[0].min(far[1]).min(far[2]).min(I::Node::splat(end));
         let mut distances = [0.0; 8];
         start.store(&mut distances);
         (start.not_gt(stop).bits(), distances)
     }
+}
+
+/// Corners relative to the origin, in the sheared order of axes.
+#[inline(always)]
+fn corner<I: Isa>(ray: &SingleRay<I>, corner: &[[f32; 4]; 3]) -> [I::Block; 3] {
+    three!(i => I::Block::load(&corner[ray.axes[i]]) - ray.origin[i])
 }
 
 /// Tests the triangles of a block; true when the ray is finished.
@@ -78,9 +83,9 @@ fn block<I: Isa, const ANY: bool>(
     state: &mut State,
     instance: u32,
 ) -> bool {
-    let corner = |vertex: usize| [0, 1, 2].map(|i| I::Block::load(&block.corner[vertex][ray.axes[i]]) - ray.origin[i]);
+    let [a, b, c] = three!(v => corner(ray, &block.corner[v]));
     let all = <I::Block as Lanes>::M::from_bits(15);
-    let Some(crossing) = cross(corner(0), corner(1), corner(2), &ray.shear, all) else { return false };
+    let Some(crossing) = cross(a, b, c, &ray.shear, all) else { return false };
     let end = I::Block::splat(state.t.0[lane]);
     let after = crossing.mask.and(ray.t_min.lt(crossing.t));
     if ANY {

@@ -9,6 +9,13 @@ pub(crate) struct Shear<L> {
     pub(crate) z: L,
 }
 
+impl<L: Lanes> Shear<L> {
+    #[inline(always)]
+    fn apply(&self, p: [L; 3]) -> [L; 2] {
+        [self.x.fnma(p[2], p[0]), self.y.fnma(p[2], p[1])]
+    }
+}
+
 /// Where rays cross triangles.
 #[derive(Clone, Copy)]
 pub(crate) struct Crossing<L: Lanes> {
@@ -38,8 +45,7 @@ const EDGE: f32 = f32::MIN_POSITIVE;
 /// `None` when no lane of `active` crosses; the range of `t` is for the caller to test.
 #[inline(always)]
 pub(crate) fn cross<L: Lanes>(a: [L; 3], b: [L; 3], c: [L; 3], shear: &Shear<L>, active: L::M) -> Option<Crossing<L>> {
-    let sheared = |p: [L; 3]| (shear.x.fnma(p[2], p[0]), shear.y.fnma(p[2], p[1]));
-    let ((ax, ay), (bx, by), (cx, cy)) = (sheared(a), sheared(b), sheared(c));
+    let ([ax, ay], [bx, by], [cx, cy]) = (shear.apply(a), shear.apply(b), shear.apply(c));
     let u = edge(cx, by, cy, bx);
     let v = edge(ax, cy, ay, cx);
     let w = edge(bx, ay, by, ax);
