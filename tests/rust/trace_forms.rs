@@ -163,8 +163,8 @@ fn closest_and_any_agree_on_nasty_rays() {
     }
     assert!(doubtful < rays.len() / 100, "{doubtful} rays are occluded in one form only");
     assert!(wgsl.iter().all(|h| h.is_hit() || (h.t == f32::INFINITY && h.triangle == u32::MAX)));
-    // Active as the recording counts them: by their ends (native) or with finite, non-zero directions (WGSL).
-    assert!(native_count >= wgsl_count && wgsl_count > native_count * 9 / 10, "{native_count} {wgsl_count}");
+    let usable = rays.iter().filter(|r| proper(r)).count() as u64;
+    assert_eq!((native_count, wgsl_count), (2 * usable, 2 * usable), "faulty rays are not counted");
 }
 
 #[test]

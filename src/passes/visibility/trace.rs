@@ -4,6 +4,8 @@ use std::ops::Range;
 use std::sync::atomic::AtomicBool;
 use std::time::Instant;
 
+use rayon::prelude::*;
+
 use super::trace_native::{Hit, Ray, Receiver, SampleTable, TraceInstance, TraceScene};
 use super::trace_wgsl::{ShadowLight, WgslTrace};
 use crate::error::{Error, Result};
@@ -202,6 +204,11 @@ fn pieces(
     Ok(())
 }
 
+/// Rays that can hit something: those of `active_ray` in `shaders/common/bvh.wgsl`.
 fn active(rays: &[Ray]) -> u64 {
-    rays.iter().filter(|ray| ray.t_min < ray.t_max).count() as u64
+    let usable = |ray: &&Ray| {
+        let finite = ray.origin.iter().chain(&ray.direction).all(|x| x.is_finite());
+        finite && ray.t_min < ray.t_max && ray.direction != [0.0; 3]
+    };
+    rays.par_chunks(ALIGN).map(|part| part.iter().filter(usable).count() as u64).sum()
 }
