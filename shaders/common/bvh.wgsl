@@ -47,8 +47,11 @@ struct TopLevel {
 
 // Entries of the stack: one a level, and one for the way back from a mesh.
 const STACK: u32 = 64u;
-// Marks a node of the top level on the stack.
+// A node on the stack: its level, its count and its first child, triangle or instance (2^28 of each at most).
 const TOP: u32 = 0x80000000u;
+const COUNT_SHIFT: u32 = 28u;
+const COUNT_MASK: u32 = 7u;
+const FIRST_MASK: u32 = 0x0fffffffu;
 // On the stack: the ray leaves the mesh.
 const LEAVE: u32 = 0xffffffffu;
 
@@ -107,6 +110,11 @@ fn rotate(v: vec3<f32>, instance: Instance) -> vec3<f32> {
     return vec3<f32>(x, y, z);
 }
 
+// What the ray goes to next: a child as the stack keeps it. TOP, the triangle count and the first child or triangle.
+fn packed(node: Node, top: u32) -> u32 {
+    return top | (node.count << COUNT_SHIFT) | node.first;
+}
+
 // What an active ray meets first; with `first_found`, any hit as soon as there is one.
 fn trace_ray(ray: Ray, first_found: bool) -> Hit {
     var hit = Hit(min(ray.t_max, FAR), 0.0, 0.0, MISS, MISS);
@@ -117,40 +125,39 @@ fn trace_ray(ray: Ray, first_found: bool) -> Hit {
     let scene = local_ray(ray.origin, ray.direction, max(max(reach.x, reach.y), reach.z));
     var local = scene;
     var shear = Shear();
-    var placed = Instance();
+    var instance = 0u;
+    var mesh = vec2<u32>(0u); // first node and first triangle of the mesh
     var stack: array<u32, STACK>;
     var depth = 0u;
-    var at = TOP;
+    var at = packed(top_nodes[0], TOP);
     loop {
-        let top = (at & TOP) != 0u;
-        var node: Node;
-        if top {
-            node = top_nodes[at & ~TOP];
-        } else {
-            node = mesh_nodes[placed.node + at];
-        }
+        let top = at & TOP;
+        let count = (at >> COUNT_SHIFT) & COUNT_MASK;
+        let first = at & FIRST_MASK;
         var next = LEAVE;
-        if node.count == 0u {
+        if count == 0u {
             var left: Node;
             var right: Node;
-            if top {
-                left = top_nodes[node.first];
-                right = top_nodes[node.first + 1u];
+            if top != 0u {
+                left = top_nodes[first];
+                right = top_nodes[first + 1u];
             } else {
-                left = mesh_nodes[placed.node + node.first];
-                right = mesh_nodes[placed.node + node.first + 1u];
+                left = mesh_nodes[mesh.x + first];
+                right = mesh_nodes[mesh.x + first + 1u];
             }
             let to_left = enter_box(left, local, ray.t_min, hit.t);
             let to_right = enter_box(right, local, ray.t_min, hit.t);
-            let first = node.first | (at & TOP);
-            let near = select(first, first + 1u, to_right < to_left);
+            let swap = to_right < to_left;
+            let near = select(packed(left, top), packed(right, top), swap);
             if max(to_left, to_right) < FAR {
-                stack[depth] = first + (first + 1u - near);
+                stack[depth] = select(packed(right, top), packed(left, top), swap);
                 depth++;
             }
             next = select(LEAVE, near, min(to_left, to_right) < FAR);
-        } else if top {
-            placed = instances[node.first];
+        } else if top != 0u {
+            let placed = instances[first];
+            instance = placed.id;
+            mesh = vec2<u32>(placed.node, placed.triangle);
             var direction = ray.direction;
             var origin = ray.origin - placed.center;
             if placed.reach >= 0.0 {
@@ -161,15 +168,15 @@ fn trace_ray(ray: Ray, first_found: bool) -> Hit {
             shear = shear_of(direction);
             stack[depth] = LEAVE;
             depth++;
-            next = 0u;
+            next = packed(mesh_nodes[mesh.x], 0u);
         } else {
-            for (var i = 0u; i < node.count; i++) {
-                let t = triangles[placed.triangle + node.first + i];
+            for (var i = 0u; i < count; i++) {
+                let t = triangles[mesh.y + first + i];
                 let c = cross_triangle(t.a - local.origin, t.b - local.origin, t.c - local.origin, shear);
                 let tie = c.t == hit.t && hit.instance != MISS
-                    && (placed.id < hit.instance || (placed.id == hit.instance && t.id < hit.triangle));
+                    && (instance < hit.instance || (instance == hit.instance && t.id < hit.triangle));
                 if c.hit && c.t > ray.t_min && (c.t < hit.t || tie) {
-                    hit = Hit(c.t, c.u, c.v, placed.id, t.id);
+                    hit = Hit(c.t, c.u, c.v, instance, t.id);
                 }
             }
             if first_found && hit.instance != MISS {
