@@ -12,6 +12,8 @@ use crate::passes::composite::composite::{self, Images};
 use crate::passes::composite::downsample;
 use crate::passes::geometry::{gbuffer, primary_rays};
 use crate::passes::scene_buffers::SceneBuffers;
+use crate::passes::visibility::Hit;
+use crate::passes::visibility::placed::PlacedScene;
 use crate::passes::visibility::trace::Tracer;
 use crate::passes::{Context, GBuffer, View, gather, indirect};
 use crate::plan::{COMPOSITE, DIRECT, DOWNSAMPLE, GEOMETRY, INDIRECT, Plan, SceneFacts, Valid, plan};
@@ -33,6 +35,7 @@ struct State {
     resources: Resources,
     scene: SceneBuffers,
     tracer: Tracer,
+    placed: PlacedScene,
     generation: u64,
     /// What the G-buffer of the last frame was made of.
     seen: Option<(View, u64)>,
@@ -58,7 +61,8 @@ impl Renderer {
         let state = State {
             resources: Resources::new(&gpu),
             scene: SceneBuffers::new(),
-            tracer: Tracer::new(&gpu),
+            tracer: Tracer::new(&gpu)?,
+            placed: PlacedScene::default(),
             generation: 0,
             seen: None,
             kept: None,
@@ -147,16 +151,16 @@ impl Renderer {
         let view = View::new(&camera.supersampled(supersample), prepared.anchor);
         let mut recorder = self.gpu.record(cancel)?;
         let rebuilt = recorder.host("upload", |gpu, _| state.sync(gpu, &prepared))?;
-        let valid = Valid { gbuffer: state.seen == Some((view, state.tracer.version())) };
+        let valid = Valid { gbuffer: state.seen == Some((view, state.placed.version())) };
         let plan = plan(SceneFacts::of(snapshot), settings, valid);
         state.seen = None;
         let (kept, work) = state.passes(&mut recorder, &plan, &prepared, settings, view)?;
         let times = recorder.finish()?;
-        state.seen = Some((view, state.tracer.version()));
+        state.seen = Some((view, state.placed.version()));
         let active = work.active.map(|active| self.gpu.read(&active)).transpose()?.map_or(0, |a| u64::from(a[0]));
         state.kept = Some(kept);
         let mut stats = statistics(&plan, times, started);
-        stats.rays = work.rays;
+        stats.rays = work.rays + state.tracer.device_rays(&self.gpu)?;
         stats.light_evaluations = active * work.samples;
         stats.rebuilt = rebuilt.into_iter().map(str::to_owned).collect();
         stats.device_bytes = self.gpu.allocated_bytes();
@@ -198,7 +202,7 @@ struct Work {
 
 impl State {
     fn sync(&mut self, gpu: &Gpu, prepared: &Prepared) -> Result<Vec<&'static str>> {
-        let mut rebuilt = self.tracer.sync(gpu, prepared)?;
+        let mut rebuilt = self.placed.sync(&mut self.tracer, gpu, prepared)?;
         rebuilt.extend(self.scene.sync(gpu, prepared)?);
         Ok(rebuilt)
     }
@@ -253,9 +257,9 @@ fn geometry(context: &mut Context<'_, '_>, plan: &Plan, gbuffer: &GBuffer) -> Re
         let count = len.min(tiled - first);
         if plan.runs(GEOMETRY[0]) {
             primary_rays::record(context, &rays, first, count)?;
-            context.rays += context.tracer.closest(context.recorder, "trace", &rays, &hits, count)?;
+            context.rays += context.tracer.closest(context.recorder, "trace", &rays, &hits, 0..count)?;
         } else {
-            context.tracer.miss_all(context.recorder, &hits)?;
+            hits.write(context.recorder.gpu(), 0, &vec![Hit::MISS; len])?;
         }
         gbuffer::record(context, &hits, gbuffer, first, count)?;
     }

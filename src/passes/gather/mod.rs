@@ -8,6 +8,7 @@ use crate::error::Result;
 use crate::gpu::Buffer;
 use crate::passes::lights::light_samples::{self, LightSamples};
 use crate::passes::visibility::Receiver;
+use crate::passes::visibility::trace_wgsl::ShadowLight;
 use crate::passes::{Context, GBuffer, TILE_PIXELS};
 
 /// Rays that the native trace answers in about 0.1 s on two cores; a GPU takes more at once.
@@ -71,8 +72,16 @@ fn shade(
     irradiance: &Buffer<[f32; 4]>,
 ) -> Result<()> {
     if trace {
-        let rays = context.tracer.shadow(context.recorder, "shadow", receivers, light, visibility, count)?;
-        context.rays += rays;
+        let asked = ShadowLight {
+            points: &light.points,
+            strata: light.strata,
+            light_normal: light.normal.to_array(),
+            two_sided: light.two_sided,
+            cone_axis: light.normal.to_array(),
+            cos_cutoff: light.cos_cutoff,
+        };
+        let tracer = context.tracer;
+        context.rays += tracer.shadow(context.recorder, "shadow", receivers, &asked, visibility, 0..count)?;
     }
     gather::record(context, light, receivers, visibility, count, trace, irradiance)
 }

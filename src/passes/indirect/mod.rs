@@ -138,9 +138,10 @@ fn record_wave(
     gather_rays::record(context, gbuffer, &wave, &lists.rays, &lists.paths)?;
     for bounce in 0..bounces {
         (wave.bounce, wave.last) = (bounce, u32::from(bounce + 1 == bounces));
-        context.rays += context.tracer.closest(context.recorder, "trace", &lists.rays, &lists.hits, count)?;
+        context.rays += context.tracer.closest(context.recorder, "trace", &lists.rays, &lists.hits, 0..count)?;
         gather_hits::record(context, &wave, lists)?;
-        context.rays += context.tracer.any(context.recorder, "shadow", &lists.shadow_rays, &lists.occluded, count)?;
+        context.rays +=
+            context.tracer.any(context.recorder, "shadow", &lists.shadow_rays, &lists.occluded, 0..count)?;
         gather_sum::record(context, &wave, &lists.paths, &lists.occluded, irradiance)?;
     }
     Ok(())

@@ -1,7 +1,10 @@
 //! Rays are lists: one pass writes them, the trace answers, the next pass reads the answers.
 
 mod native;
+pub mod placed;
 pub mod trace;
 pub mod trace_native;
+pub mod trace_wgsl;
+mod tree_upload;
 
 pub use trace_native::{Hit, Ray, Receiver};

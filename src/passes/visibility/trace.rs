@@ -1,66 +1,80 @@
-//! Answers ray lists. Two forms with the same answers: WGSL on a GPU, native on a software adapter.
-
-use std::sync::Arc;
+//! Answers ray lists. Two forms with the same answers: WGSL on a GPU, native on a software adapter, where the CPU does
+//! the work in both cases and the native form does it several times faster.
+use std::ops::Range;
 use std::sync::atomic::AtomicBool;
+use std::time::Instant;
 
-use glam::{Affine3A, DMat4};
+use rayon::prelude::*;
 
-use super::trace_native::{SampleTable, TraceInstance, TraceScene};
-use super::{Hit, Ray, Receiver};
-use crate::error::Result;
-use crate::gpu::{Buffer, Gpu, Recorder};
-use crate::passes::lights::light_samples::LightSamples;
-use crate::scene::prepare::{Placed, Prepared};
+use super::trace_native::{Hit, Ray, Receiver, SampleTable, TraceInstance, TraceScene};
+use super::trace_wgsl::{ShadowLight, WgslTrace};
+use crate::error::{Error, Result};
+use crate::gpu::{Buffer, Cancel, Gpu, Recorder};
 
-/// Lists are cut so that each is answered in about 0.1 s; between them the recorder asks whether to go on.
-static GO_ON: AtomicBool = AtomicBool::new(false);
+/// Which of the two forms answers.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Form {
+    /// All cores of the host, in SIMD packets.
+    Native,
+    /// The device.
+    Wgsl,
+}
 
 /// Answers rays in the form that suits the adapter.
 pub struct Tracer {
-    native: bool,
     scene: TraceScene,
-    version: u64,
-    placed: Vec<(u64, [f64; 16])>,
+    wgsl: Option<WgslTrace>,
 }
 
+/// Native work between two questions whether to go on takes about this long, seconds.
+const PIECE_S: f64 = 0.05;
+/// First piece, rays: some milliseconds.
+const FIRST_RAYS: usize = 1 << 15;
+/// Pieces share no word of bits and split well over the cores.
+const ALIGN: usize = 4096;
+
 impl Tracer {
-    /// Nothing to hit yet.
-    pub fn new(gpu: &Gpu) -> Self {
-        Self { native: gpu.software(), scene: TraceScene::new(Vec::new()), version: 0, placed: Vec::new() }
-    }
-
-    /// Whether rays are answered on the host.
-    pub fn native(&self) -> bool {
-        self.native
-    }
-
-    /// Another number whenever rays may hit something else.
-    pub fn version(&self) -> u64 {
-        self.version
-    }
-
-    /// Brings the hierarchies up to date; returns what was built.
+    /// Nothing to hit yet; native on a software adapter.
     ///
     /// # Errors
     /// `Device`.
-    pub fn sync(&mut self, _gpu: &Gpu, prepared: &Prepared) -> Result<Vec<&'static str>> {
-        let placed: Vec<_> = prepared.placed.iter().map(|p| (p.mesh.id, p.scene_from_object.to_cols_array())).collect();
-        if placed == self.placed {
-            return Ok(Vec::new());
-        }
-        let mut built = Vec::new();
-        if prepared.placed.iter().any(|p| !p.mesh.has_blas()) {
-            built.push("bottom-level BVH");
-        }
-        let instance = |p: &Placed| TraceInstance::new(affine(p.scene_from_object), Arc::clone(p.mesh.blas()));
-        self.scene = TraceScene::new(prepared.placed.iter().map(instance).collect());
-        built.push("top-level BVH");
-        self.placed = placed;
-        self.version += 1;
-        Ok(built)
+    pub fn new(gpu: &Gpu) -> Result<Self> {
+        Self::with_form(gpu, if gpu.software() { Form::Native } else { Form::Wgsl })
     }
 
-    /// The nearest hit of each of the first `count` rays; returns how many were traced.
+    /// As [`Tracer::new`], in a form of the caller's choice.
+    ///
+    /// # Errors
+    /// `Device`.
+    pub fn with_form(gpu: &Gpu, form: Form) -> Result<Self> {
+        let wgsl = if form == Form::Wgsl { Some(WgslTrace::new(gpu)?) } else { None };
+        Ok(Self { scene: TraceScene::new(Vec::new()), wgsl })
+    }
+
+    /// Which form answers.
+    pub fn form(&self) -> Form {
+        if self.wgsl.is_some() { Form::Wgsl } else { Form::Native }
+    }
+
+    /// True when rays are answered on the host.
+    pub fn native(&self) -> bool {
+        self.wgsl.is_none()
+    }
+
+    /// What rays may hit from now on. Meshes that are there already are not sent again.
+    ///
+    /// # Errors
+    /// `Device`: also when all meshes together do not fit into one binding.
+    pub fn set_scene(&mut self, gpu: &Gpu, instances: Vec<TraceInstance>) -> Result<Vec<&'static str>> {
+        self.scene = TraceScene::new(instances);
+        match &mut self.wgsl {
+            Some(wgsl) => wgsl.sync(gpu, &self.scene),
+            None => Ok(Vec::new()),
+        }
+    }
+
+    /// The first thing that each ray of `range` meets. Returns how many rays the host traced; those of the device are
+    /// counted there, see [`Tracer::device_rays`]. `range` starts at a multiple of 2,048.
     ///
     /// # Errors
     /// `Device`, `Cancelled`.
@@ -70,18 +84,24 @@ impl Tracer {
         stage: &str,
         rays: &Buffer<Ray>,
         hits: &Buffer<Hit>,
-        count: usize,
+        range: Range<usize>,
     ) -> Result<u64> {
-        recorder.host(stage, |gpu, _| {
-            let rays = gpu.view(rays, 0..count)?;
-            let mut answers = gpu.view_mut(hits, 0..count)?;
-            self.scene.closest(&rays, &mut answers, &GO_ON);
+        if let Some(wgsl) = &self.wgsl {
+            return wgsl.closest(recorder, stage, rays, hits, range).map(|()| 0);
+        }
+        recorder.host(stage, |gpu, cancel| {
+            let rays = gpu.view(rays, range.clone())?;
+            let mut answers = gpu.view_mut(hits, range.clone())?;
+            pieces(cancel, range.len(), FIRST_RAYS, ALIGN, |part| {
+                self.scene.closest(&rays[part.clone()], &mut answers[part], &AtomicBool::new(false));
+            })?;
             answers.commit(gpu)?;
             Ok(active(&rays))
         })
     }
 
-    /// Bit i % 32 of word i / 32 is set where ray i hits anything.
+    /// Bit `i % 32` of word `i / 32` is set when ray `i` of `range` meets anything; spare bits of the last word are
+    /// cleared. As [`Tracer::closest`] otherwise.
     ///
     /// # Errors
     /// `Device`, `Cancelled`.
@@ -91,18 +111,25 @@ impl Tracer {
         stage: &str,
         rays: &Buffer<Ray>,
         occluded: &Buffer<u32>,
-        count: usize,
+        range: Range<usize>,
     ) -> Result<u64> {
-        recorder.host(stage, |gpu, _| {
-            let rays = gpu.view(rays, 0..count)?;
-            let mut answers = gpu.view_mut(occluded, 0..count.div_ceil(32))?;
-            self.scene.any(&rays, &mut answers, &GO_ON);
+        if let Some(wgsl) = &self.wgsl {
+            return wgsl.any(recorder, stage, rays, occluded, range).map(|()| 0);
+        }
+        recorder.host(stage, |gpu, cancel| {
+            let rays = gpu.view(rays, range.clone())?;
+            let mut answers = gpu.view_mut(occluded, range.start / 32..range.end.div_ceil(32))?;
+            pieces(cancel, range.len(), FIRST_RAYS, ALIGN, |part| {
+                let words = part.start / 32..part.end.div_ceil(32);
+                self.scene.any(&rays[part], &mut answers[words], &AtomicBool::new(false));
+            })?;
             answers.commit(gpu)?;
             Ok(active(&rays))
         })
     }
 
-    /// Which samples of a light each receiver sees.
+    /// Which samples of a light the receivers of `range` see, [`ShadowLight::words`] words a receiver. As
+    /// [`Tracer::closest`] otherwise; `range` starts at a multiple of 64.
     ///
     /// # Errors
     /// `Device`, `Cancelled`.
@@ -111,44 +138,77 @@ impl Tracer {
         recorder: &mut Recorder<'_>,
         stage: &str,
         receivers: &Buffer<Receiver>,
-        light: &LightSamples,
+        light: &ShadowLight<'_>,
         visibility: &Buffer<u32>,
-        count: usize,
+        range: Range<usize>,
     ) -> Result<u64> {
-        let words = light.strata.div_ceil(32) as usize;
-        recorder.host(stage, |gpu, _| {
-            let points = gpu.view(&light.points, 0..light.points.len())?;
-            let receivers = gpu.view(receivers, 0..count)?;
-            let mut answers = gpu.view_mut(visibility, 0..count * words)?;
+        if let Some(wgsl) = &self.wgsl {
+            return wgsl.shadow(recorder, stage, receivers, light, visibility, range).map(|()| 0);
+        }
+        let words = light.words();
+        recorder.host(stage, |gpu, cancel| {
+            let points = gpu.view(light.points, 0..light.points.len())?;
+            let receivers = gpu.view(receivers, range.clone())?;
+            let mut answers = gpu.view_mut(visibility, range.start * words..range.end * words)?;
             let table = SampleTable {
                 points: &points,
                 strata: light.strata,
-                light_normal: light.normal.to_array(),
+                light_normal: light.light_normal,
                 two_sided: light.two_sided,
-                cone_axis: light.normal.to_array(),
+                cone_axis: light.cone_axis,
                 cos_cutoff: light.cos_cutoff,
             };
-            let rays = self.scene.shadow(&receivers, &table, &mut answers, &GO_ON);
+            let first = (FIRST_RAYS / light.strata.max(1) as usize).max(64);
+            let mut traced = 0;
+            pieces(cancel, range.len(), first, 64, |part| {
+                let bits = &mut answers[part.start * words..part.end * words];
+                traced += self.scene.shadow(&receivers[part], &table, bits, &AtomicBool::new(false));
+            })?;
             answers.commit(gpu)?;
-            Ok(rays)
+            Ok(traced)
         })
     }
 
-    /// Writes misses, for a scene without anything to hit.
+    /// Rays that the device traced since the last call, 0 for the native form; waits for the device, so ask once a
+    /// frame, after [`Recorder::finish`].
     ///
     /// # Errors
     /// `Device`.
-    pub fn miss_all(&self, recorder: &mut Recorder<'_>, hits: &Buffer<Hit>) -> Result<()> {
-        hits.write(recorder.gpu(), 0, &vec![Hit::MISS; hits.len()])
+    pub fn device_rays(&self, gpu: &Gpu) -> Result<u64> {
+        self.wgsl.as_ref().map_or(Ok(0), |wgsl| wgsl.take_rays(gpu))
     }
 }
 
-fn active(rays: &[Ray]) -> u64 {
-    rays.iter().filter(|ray| ray.t_max > ray.t_min).count() as u64
+/// Runs `work` over `0..count` in pieces of about [`PIECE_S`], and asks before each whether to go on.
+fn pieces(
+    cancel: Cancel<'_>,
+    count: usize,
+    first: usize,
+    align: usize,
+    mut work: impl FnMut(Range<usize>),
+) -> Result<()> {
+    let (mut done, mut len) = (0, first.next_multiple_of(align));
+    while done < count {
+        if cancel() {
+            return Err(Error::Cancelled);
+        }
+        let part = done..(done + len).min(count);
+        let started = Instant::now();
+        done = part.end;
+        let size = part.len();
+        work(part);
+        // Grow carefully: the next part of the list may be dearer.
+        let wanted = size as f64 * PIECE_S / started.elapsed().as_secs_f64().max(1e-6);
+        len = (wanted.min(8.0 * len as f64) as usize).next_multiple_of(align).max(align);
+    }
+    Ok(())
 }
 
-/// Rounded once, from float64 (N7).
-fn affine(m: DMat4) -> Affine3A {
-    let [x, y, z, w] = [m.x_axis, m.y_axis, m.z_axis, m.w_axis].map(|c| c.truncate().as_vec3());
-    Affine3A::from_cols(x.into(), y.into(), z.into(), w.into())
+/// Rays that can hit something: those of `active_ray` in `shaders/common/bvh.wgsl`.
+fn active(rays: &[Ray]) -> u64 {
+    let usable = |ray: &&Ray| {
+        let finite = ray.origin.iter().chain(&ray.direction).all(|x| x.is_finite());
+        finite && ray.t_min < ray.t_max && ray.direction != [0.0; 3]
+    };
+    rays.par_chunks(ALIGN).map(|part| part.iter().filter(usable).count() as u64).sum()
 }
