@@ -9,7 +9,7 @@ VENV ?= .venv
 BIN := $(VENV)/bin
 # stamps live in the environment that they speak of, so that deleting it forgets them, too
 STAMP := $(VENV)/stamps
-RUST_FILES := $(shell find src shaders tests/rust benches -type f \( -name '*.rs' -o -name '*.wgsl' \) 2>/dev/null)
+RUST_FILES := $(shell find src shaders -type f) $(wildcard build.rs)
 PYTEST ?= $(BIN)/pytest
 
 # Scenes that cannot be part of this repository; tests that want them are the only ones that may be skipped.
