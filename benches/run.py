@@ -12,7 +12,6 @@ import os
 import platform
 import re
 import subprocess
-import sys
 import warnings
 from pathlib import Path
 from typing import Any
@@ -20,6 +19,7 @@ from typing import Any
 import measure
 import miplight as ml
 import tables
+import trace_rates
 import workloads
 
 RESULTS = Path(__file__).parent / "results"
@@ -81,16 +81,6 @@ def _row(renderer: ml.Renderer, work: workloads.Workload, options: argparse.Name
     return row
 
 
-def trace_rates() -> list[dict[str, Any]]:
-    """Rays per second of both forms of the trace, from examples/trace_rates.rs: one JSON object a line."""
-    command = ["cargo", "run", "--release", "--quiet", "--example", "trace_rates"]
-    done = subprocess.run(command, capture_output=True, text=True, check=False)
-    if done.returncode != 0:
-        print(done.stderr, file=sys.stderr)
-        return []
-    return [json.loads(line) for line in done.stdout.splitlines() if line.startswith("{")]
-
-
 def main() -> None:
     """Measure, print and write."""
     parser = argparse.ArgumentParser(description=__doc__)
@@ -111,7 +101,7 @@ def main() -> None:
             row = _row(renderer, workloads.ALL[name](options.size), options)
             result["rows"].append(row)
             print(tables.line(row), flush=True)
-    result["trace_rates"] = trace_rates() if options.trace else []
+    result["trace_rates"] = trace_rates.measure(options.adapter, options.mitsuba) if options.trace else []
     RESULTS.mkdir(parents=True, exist_ok=True)
     stem = re.sub(r"[^a-z0-9]+", "-", result["adapter"].lower()).strip("-")
     (RESULTS / f"{stem}.json").write_text(json.dumps(result, indent=1) + "\n")
