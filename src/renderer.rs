@@ -14,7 +14,7 @@ use crate::passes::geometry::{gbuffer, primary_rays};
 use crate::passes::scene_buffers::SceneBuffers;
 use crate::passes::visibility::Hit;
 use crate::passes::visibility::placed::PlacedScene;
-use crate::passes::visibility::trace::Tracer;
+use crate::passes::visibility::trace::{Form, Tracer};
 use crate::passes::{Context, GBuffer, View, gather, indirect};
 use crate::plan::{COMPOSITE, DIRECT, DOWNSAMPLE, GEOMETRY, INDIRECT, Plan, SceneFacts, Valid, plan};
 use crate::scene::camera::Camera;
@@ -52,16 +52,21 @@ struct Kept {
 }
 
 impl Renderer {
-    /// Opens an adapter: "auto", "gpu", "cpu" or a part of its name.
+    /// Opens an adapter: "auto", "gpu", "cpu" or a part of its name. `form` of the trace: what suits the adapter, unless
+    /// given.
     ///
     /// # Errors
     /// `Device` when none fits.
-    pub fn new(adapter: &str) -> Result<Self> {
+    pub fn new(adapter: &str, form: Option<Form>) -> Result<Self> {
         let gpu = Gpu::new(adapter)?;
+        let tracer = match form {
+            Some(form) => Tracer::with_form(&gpu, form)?,
+            None => Tracer::new(&gpu)?,
+        };
         let state = State {
             resources: Resources::new(&gpu),
             scene: SceneBuffers::new(),
-            tracer: Tracer::new(&gpu)?,
+            tracer,
             placed: PlacedScene::default(),
             generation: 0,
             seen: None,

@@ -11,7 +11,9 @@ use super::error::{exception, raise};
 use super::frame::PyFrame;
 use super::scene::{PySnapshot, matrix};
 use super::settings::settings_from_python;
+use crate::error::Error;
 use crate::gpu::{self, AdapterFacts};
+use crate::passes::visibility::trace::Form;
 use crate::plan::Plan;
 use crate::renderer::Renderer;
 use crate::scene::camera::Camera;
@@ -92,10 +94,22 @@ impl Interrupt {
 
 #[pymethods]
 impl PyRenderer {
-    /// adapter: "auto", "gpu", "cpu" or a part of an adapter's name; raises DeviceError.
+    /// adapter: "auto", "gpu", "cpu" or a part of an adapter's name; trace: "auto", "native" or "wgsl".
+    ///
+    /// Raises DeviceError, or SettingsError for another `trace`.
     #[new]
-    fn new(py: Python<'_>, adapter: &str) -> PyResult<Self> {
-        Ok(Self(Arc::new(raise(py, py.detach(|| Renderer::new(adapter)))?)))
+    #[pyo3(signature = (adapter, trace="auto"))]
+    fn new(py: Python<'_>, adapter: &str, trace: &str) -> PyResult<Self> {
+        let form = match trace {
+            "auto" => None,
+            "native" => Some(Form::Native),
+            "wgsl" => Some(Form::Wgsl),
+            other => {
+                let message = format!("trace is {other:?}; allowed: \"auto\", \"native\", \"wgsl\"");
+                return Err(exception(py, &Error::Settings(message)));
+            }
+        };
+        Ok(Self(Arc::new(raise(py, py.detach(|| Renderer::new(adapter, form)))?)))
     }
 
     /// Name, backend, driver, device_type, software, trace ("native" or "wgsl") and limits.
