@@ -7,7 +7,7 @@ use super::triangle::{Crossing, Shear, cross};
 use crate::scene::bvh::{Blas, Child, Node8, TriangleBlock};
 
 /// A packet with this many rays left, or fewer, is finished ray by ray.
-const SINGLE_BELOW: u32 = 4;
+const SINGLE_BELOW: u32 = 3;
 
 /// A packet in the space of a mesh.
 pub(crate) struct Entered<'a, I: Isa> {
