@@ -141,12 +141,12 @@ fn hemisphere(receivers: &[Receiver], random: &mut Random) -> Vec<Ray> {
 
 /// Seconds of processor time so far, all threads; NaN where the system does not say.
 fn processor_seconds() -> f64 {
-    let read = || {
-        let text = std::fs::read_to_string("/proc/self/stat").ok()?;
-        let ticks: Vec<f64> = text.rsplit(')').next()?.split(' ').skip(12).take(2).filter_map(|v| v.parse().ok()).collect();
-        Some(ticks.iter().sum::<f64>() / 100.0)
-    };
-    read().unwrap_or(f64::NAN)
+    let Ok(threads) = std::fs::read_dir("/proc/self/task") else { return f64::NAN };
+    let seconds = threads.flatten().filter_map(|thread| {
+        let text = std::fs::read_to_string(thread.path().join("schedstat")).ok()?;
+        text.split(' ').next()?.parse::<f64>().ok()
+    });
+    seconds.sum::<f64>() / 1e9
 }
 
 /// Best of three, in millions per second; and per second of one core, which a busy machine disturbs less.
