@@ -7,7 +7,7 @@ use super::triangle::{Crossing, Shear, cross};
 use crate::scene::bvh::{Blas, Child, Node8, TriangleBlock};
 
 /// A packet with this many rays left, or fewer, is finished ray by ray.
-const SINGLE_BELOW: u32 = 4;
+const SINGLE_BELOW: u32 = 3;
 
 /// A packet in the space of a mesh.
 pub(crate) struct Entered<'a, I: Isa> {
@@ -269,37 +269,24 @@ pub(crate) fn descend<I: Isa, const ANY: bool, const COHERENT: bool>(
 ) {
     let (start, end): (I::Packet, I::Packet) = (state.t_min.get(), state.t.get());
     let active = <I::Packet as Lanes>::M::from_bits(mask);
-    let mut near_rows = [Row([0.0; 16]); 8];
-    // Entry of the first ray, rays, slot: sorted, far ones first.
-    let mut order = [0_u64; 8];
-    let mut count = 0;
+    let base = stack.top;
+    let mut nearest = (f32::INFINITY, base);
     for slot in set_lanes(shaft.test(node)) {
         let (near, far) = slabs.test::<COHERENT>(node, slot);
         let near = near.max(start);
         let hit = near.not_gt(far.min(end)).and(active).bits();
-        if hit == 0 {
-            continue;
+        // Written always, kept when hit: a branch here would be mispredicted half of the time.
+        let top = stack.top;
+        stack.entries[top] = (node.children[slot], hit);
+        stack.top += usize::from(hit != 0);
+        if !ANY {
+            near.store(&mut stack.near[top].0);
+            let key = stack.near[top].0[hit.trailing_zeros() as usize & 15];
+            nearest = if hit != 0 && key < nearest.0 { (key, top) } else { nearest };
         }
-        if ANY {
-            stack.entries[stack.top] = (node.children[slot], hit);
-            stack.top += 1;
-            continue;
-        }
-        near.store(&mut near_rows[slot].0);
-        let key = near_rows[slot].0[hit.trailing_zeros() as usize & 15].to_bits();
-        let key = u64::from(key) << 32 | u64::from(hit) << 8 | slot as u64;
-        let mut at = count;
-        while at > 0 && order[at - 1] < key {
-            order[at] = order[at - 1];
-            at -= 1;
-        }
-        order[at] = key;
-        count += 1;
     }
-    for &key in &order[..count] {
-        let slot = key as usize & 7;
-        stack.entries[stack.top] = (node.children[slot], (key >> 8) as u32 & 0xffff);
-        stack.near[stack.top] = near_rows[slot];
-        stack.top += 1;
+    if !ANY && stack.top > base {
+        stack.entries.swap(nearest.1, stack.top - 1);
+        stack.near.swap(nearest.1, stack.top - 1);
     }
 }

@@ -44,15 +44,15 @@ fn open_mesh<I: Isa>(blas: &Blas, shaft: &Shaft<I>, instance: u32, portals: &mut
     }
 }
 
-/// All portals of rays from `origin` along `direction`, `t` in (0, 1), instance after instance.
+/// All portals of rays from `origin` along `direction`, `t` in (0, `t_max`), instance after instance.
 #[inline(always)]
-pub(crate) fn open<I: Isa>(scene: &TraceScene, origin: &Interval, direction: &Interval, portals: &mut Vec<Portal>) {
+pub(crate) fn open<I: Isa>(scene: &TraceScene, origin: &Interval, direction: &Interval, t_max: f32, portals: &mut Vec<Portal>) {
     portals.clear();
     let nodes = scene.tlas.nodes();
     if nodes.is_empty() {
         return;
     }
-    let shaft = Shaft::<I>::new(origin, direction, 1.0, scene.tlas.bounds().max_abs());
+    let shaft = Shaft::<I>::new(origin, direction, t_max, scene.tlas.bounds().max_abs());
     let mut todo = vec![];
     let mut next = Some(Child::ROOT);
     while let Some(at) = next {
@@ -61,7 +61,7 @@ pub(crate) fn open<I: Isa>(scene: &TraceScene, origin: &Interval, direction: &In
             let child = node.children[slot];
             if child.is_leaf() {
                 let placed = &scene.placed[child.index()];
-                let shaft = enter_shaft::<I>(placed, origin, direction, 1.0);
+                let shaft = enter_shaft::<I>(placed, origin, direction, t_max);
                 open_mesh(&placed.blas, &shaft, child.index() as u32, portals);
             } else {
                 todo.push(child);

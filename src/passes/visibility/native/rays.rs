@@ -112,6 +112,12 @@ pub(crate) fn interval<P: Lanes>(rows: &[Row; 3], active: u32) -> Interval {
     }
 }
 
+/// Largest value among the lanes of `active`.
+#[inline(always)]
+pub(crate) fn largest<P: Lanes>(row: &Row, active: u32) -> f32 {
+    P::select(P::M::from_bits(active), row.get(), P::splat(f32::NEG_INFINITY)).largest()
+}
+
 /// Component of a direction below this share of the largest one is raised to it for the box tests, so that no
 /// reciprocal is infinite. The shift, 2^-32 of the way, is far inside [`MARGIN`].
 const FLAT: f32 = 1.0 / 4_294_967_296.0;

@@ -2,7 +2,7 @@
 use super::super::trace_native::TraceScene;
 use super::instance::Placed;
 use super::packet::{self, Entered, Scratch, Slabs, State};
-use super::rays::{Bundle, Heading, Local, enter_direction, enter_origin, interval, rows};
+use super::rays::{Bundle, Heading, Local, enter_direction, enter_origin, interval, largest, rows};
 use super::shaft::{Interval, Shaft};
 use super::simd::{Isa, Lanes, Mask, three};
 use crate::scene::bvh::Node8;
@@ -29,7 +29,7 @@ impl<'a> Launch<'a> {
             heading: Heading::new::<P>(&bundle.direction),
             origin: interval::<P>(&bundle.origin, bundle.active),
             direction: if behind { everywhere } else { interval::<P>(&bundle.direction, bundle.active) },
-            t_max: f32::INFINITY,
+            t_max: largest::<P>(&bundle.t_max, bundle.active),
         }
     }
 }

@@ -17,8 +17,8 @@ pub(crate) struct Columns {
     /// Box of each packet of each pattern.
     packets: Vec<Interval>,
     packets_each: usize,
-    /// No end is beyond the sample, so that shafts may end there.
-    bounded: bool,
+    /// Largest end of a ray.
+    t_max: f32,
 }
 
 /// Box of points; everywhere when one is NaN.
@@ -49,7 +49,7 @@ impl Columns {
             patterns: table.points.chunks(strata).map(box_of).collect(),
             packets: packets.collect(),
             packets_each: strata.div_ceil(n),
-            bounded: table.points.iter().all(|p| p[3] <= 1.0),
+            t_max: table.points.iter().fold(0.0, |t, p| t.max(p[3])),
         }
     }
 
@@ -112,7 +112,7 @@ fn receiver_rays<I: Isa>(
     let mut bundle = Bundle { origin: splat(receiver.origin), ..Bundle::IDLE };
     let origin = Interval::point(receiver.origin);
     let mut portals = std::mem::take(&mut scratch.portals);
-    portal::open::<I>(scene, &origin, &towards(&columns.patterns[pattern], receiver.origin), &mut portals);
+    portal::open::<I>(scene, &origin, &towards(&columns.patterns[pattern], receiver.origin), columns.t_max, &mut portals);
     let mut rays = 0;
     for (packet, first) in (0..columns.strata).step_by(n).enumerate() {
         for axis in 0..3 {
@@ -127,7 +127,7 @@ fn receiver_rays<I: Isa>(
         rays += u64::from(visible.count_ones());
         if visible != 0 && !portals.is_empty() {
             let direction = towards(&columns.packets[pattern * columns.packets_each + packet], receiver.origin);
-            visible = through_portals::<I>(scene, &bundle, origin, direction, &portals, scratch);
+            visible = through_portals::<I>(scene, &bundle, origin, direction, columns.t_max, &portals, scratch);
         }
         bits[first / 32] |= visible << (first % 32);
     }
@@ -142,12 +142,13 @@ fn through_portals<I: Isa>(
     bundle: &Bundle,
     origin: Interval,
     direction: Interval,
+    t_max: f32,
     portals: &[Portal],
     scratch: &mut Scratch,
 ) -> u32 {
     let mut state = State::new(bundle.t_min, bundle.t_max, bundle.active);
     let heading = Heading::new::<I::Packet>(&bundle.direction);
-    let launch = Launch { bundle, heading, origin, direction, t_max: 1.0 };
+    let launch = Launch { bundle, heading, origin, direction, t_max };
     for portal in portals {
         let mask = state.alive;
         if mask == 0 {
@@ -215,7 +216,7 @@ pub(crate) fn shadow<I: Isa>(
     scratch: &mut Scratch,
 ) -> u64 {
     bits.fill(0);
-    if columns.strata < I::Packet::N || !columns.bounded {
+    if columns.strata < I::Packet::N {
         return few_strata::<I>(scene, table, columns, receivers, bits, scratch);
     }
     let words = table.words();

@@ -43,6 +43,9 @@ pub(crate) struct Shaft<I: Isa> {
     slope_hi: [I::Node; 2],
     to_lo: [I::Node; 2],
     to_hi: [I::Node; 2],
+    /// Box of the ends, across.
+    end_lo: [I::Node; 2],
+    end_hi: [I::Node; 2],
     /// Without a common sign nothing can be said.
     valid: bool,
 }
@@ -69,6 +72,9 @@ impl<I: Isa> Shaft<I> {
         let slope_hi = |i: usize| (hi[i] * by_least).max(hi[i] * by_most);
         let far_out = three!(i => origin.lo[i].abs().max(origin.hi[i].abs()));
         let margin = (far_out[0].max(far_out[1]).max(far_out[2]) + reach) * (2.0 * MARGIN);
+        let t_max = t_max.min(f32::MAX);
+        let end_lo = |i: usize| (lo[i] * t_max).min(0.0) - margin;
+        let end_hi = |i: usize| (hi[i] * t_max).max(0.0) + margin;
         let (near, far) = if back { (origin.lo[k], origin.hi[k]) } else { (-origin.hi[k], -origin.lo[k]) };
         let splat = I::Node::splat;
         Self {
@@ -82,6 +88,8 @@ impl<I: Isa> Shaft<I> {
             slope_hi: [splat(slope_hi(across[0])), splat(slope_hi(across[1]))],
             to_lo: [splat(-origin.hi[across[0]] - margin), splat(-origin.hi[across[1]] - margin)],
             to_hi: [splat(-origin.lo[across[0]] + margin), splat(-origin.lo[across[1]] + margin)],
+            end_lo: [splat(end_lo(across[0])), splat(end_lo(across[1]))],
+            end_hi: [splat(end_hi(across[0])), splat(end_hi(across[1]))],
             valid: least[k] > 0.0,
         }
     }
@@ -98,8 +106,8 @@ impl<I: Isa> Shaft<I> {
         let far = I::Node::load(&row[self.depth_rows[1]]).fma(self.sign, self.far).min(self.end);
         let mut hit = near.not_gt(far);
         for side in [0, 1] {
-            let lowest = (self.slope_lo[side] * near).min(self.slope_lo[side] * far);
-            let highest = (self.slope_hi[side] * near).max(self.slope_hi[side] * far);
+            let lowest = (self.slope_lo[side] * near).min(self.slope_lo[side] * far).max(self.end_lo[side]);
+            let highest = (self.slope_hi[side] * near).max(self.slope_hi[side] * far).min(self.end_hi[side]);
             let lo = I::Node::load(&row[self.across[side]]) + self.to_lo[side];
             let hi = I::Node::load(&row[self.across[side] + 3]) + self.to_hi[side];
             hit = hit.and(lowest.not_gt(hi)).and(lo.not_gt(highest));
