@@ -13,7 +13,15 @@ from tests.passes.reference.hemisphere import cosine_directions
 from tests.passes.reference.lights import Area, Light, Spot, random_area, random_spot, table
 from tests.passes.reference.run import Runner, assert_not_within, assert_within, read
 from tests.passes.reference.structs import GATHER_PATH, GATHER_WAVE, MISS, RAY, record
-from tests.passes.reference.surfaces import Placed, light_quad, pack, random_hits, random_mesh, surfaces
+from tests.passes.reference.surfaces import (
+    ORIGIN_ERROR,
+    Placed,
+    light_quad,
+    pack,
+    random_hits,
+    random_mesh,
+    surfaces,
+)
 
 Array = NDArray[np.float64]
 # Powers of the real root of x⁴ = x + 1 make the R3 sequence [Rob18].
@@ -87,7 +95,7 @@ def _single_light(case: Case, places: Array) -> tuple[Array, Array, Array, Array
     """With one light the equation is exact: (d, irradiance carried, how far from an edge, its rounding)."""
     light = case.lights[0]
     s = surfaces(case.meshes, case.hits, case.rays["direction"].astype(np.float64))
-    origin = s.position + s.normal_geo * (2.0**-20 * s.reach)[:, None]
+    origin = s.position + s.normal_geo * (ORIGIN_ERROR * s.reach)[:, None]
     target = light.point(places[:, :2]) if isinstance(light, Area) else light.position
     d = target - origin
     far = np.linalg.norm(d, axis=1)
@@ -219,8 +227,8 @@ def test_rays_go_on_about_the_shading_normal(runner: Runner, rng: np.random.Gene
     assert_not_within(
         rays["direction"][steady], cosine_directions(s.normal_geo, square)[steady], bound[steady]
     )
-    origin = s.position + s.normal_geo * (2.0**-20 * s.reach)[:, None]
-    assert_within(rays["origin"][on], origin[on], 2.0**-20 * s.reach[on, None], "origins")
+    origin = s.position + s.normal_geo * (ORIGIN_ERROR * s.reach)[:, None]
+    assert_within(rays["origin"][on], origin[on], ORIGIN_ERROR * s.reach[on, None], "origins")
     worth = case.paths["throughput"] * s.albedo
     assert_within(paths["throughput"], worth, 2e-5 * case.paths["throughput"], "throughput")
     assert_not_within(paths["throughput"], worth / np.pi, 2e-5 * case.paths["throughput"])

@@ -43,7 +43,11 @@ class Placed:
 
 @dataclasses.dataclass
 class Surface:
-    """What is seen at each hit; arrays of n rows."""
+    """What is seen at each hit; arrays of n rows.
+
+    `reach` is the largest coordinate that the triangle's corners have in scene space, each part taken as
+    positive: what the rounding of the position, and of a ray's way back to it, goes by.
+    """
 
     position: Array
     reach: Array
@@ -104,6 +108,10 @@ def _surface(mesh: Placed, hits: NDArray[Any], directions: Array) -> Surface:
     linear, moved = mesh.scene_from_object[:3, :3], mesh.scene_from_object[:3, 3]
     position = _interpolated(mesh, mesh.positions, hits) @ linear.T + moved
     corners = [mesh.positions[mesh.triangles[hits["triangle"], k]] @ linear.T for k in range(3)]
+    outermost = np.max(
+        [np.abs(mesh.positions[mesh.triangles[hits["triangle"], k]]) for k in range(3)], axis=0
+    )
+    reach = (outermost @ np.abs(linear).T).max(axis=-1)
     geometric = _unit(np.cross(corners[1] - corners[0], corners[2] - corners[0]))
     shading = geometric
     if mesh.smooth:
@@ -121,13 +129,17 @@ def _surface(mesh: Placed, hits: NDArray[Any], directions: Array) -> Surface:
     front = facing <= 0
     return Surface(
         position,
-        np.abs(position).max(axis=-1) + np.abs(moved).max(),
+        reach + np.abs(moved).max(),
         np.where(front, 1, -1)[:, None] * geometric,
         np.where(shade_facing <= 0, 1, -1)[:, None] * shading,
         front,
         np.minimum(np.abs(facing), np.abs(shade_facing)),
         albedo,
     )
+
+
+ORIGIN_ERROR = 2.0**-19
+"""How far rays start off a surface, as a share of its reach: 32 roundings of float32."""
 
 
 def surfaces(meshes: list[Placed], hits: NDArray[Any], directions: Array) -> Surface:
