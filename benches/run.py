@@ -18,6 +18,7 @@ from typing import Any
 
 import measure
 import miplight as ml
+import mitsuba_timing
 import tables
 import trace_rates
 import workloads
@@ -47,8 +48,7 @@ def _about(renderer: ml.Renderer) -> dict[str, Any]:
     }
 
 
-def _errors(renderer: ml.Renderer, work: workloads.Workload, spp: int) -> dict[str, float]:
-    frame = renderer.render(work.scene, work.camera, work.settings)
+def _errors(frame: ml.Frame, work: workloads.Workload, spp: int) -> dict[str, float]:
     reference = ml.mitsuba.reference(work.scene, work.camera, spp=spp, max_depth=work.max_depth)
     image, mask = frame.image, frame.surface_mask
     return {
@@ -74,10 +74,13 @@ def _row(renderer: ml.Renderer, work: workloads.Workload, options: argparse.Name
         row["still_ms"] = measure.frames(*job, move=False, light=False)["wall_ms"]
         row["light_only_ms"] = measure.frames(*job, move=False)["wall_ms"]
     if options.mitsuba:
-        import mitsuba_timing
-
-        row["error"] = _errors(renderer, work, options.reference_spp)
-        row["mitsuba"] = mitsuba_timing.sweep(work.scene, camera, work.max_depth)
+        frame = renderer.render(work.scene, camera, work.settings)
+        spp = options.reference_spp
+        row["error"] = _errors(frame, work, spp)
+        row["mitsuba"] = mitsuba_timing.sweep(work.scene, camera, work.max_depth, frame.light_mask, spp)
+        row["mitsuba_to_our_error_ms"] = mitsuba_timing.time_to_error(
+            row["mitsuba"], row["error"]["relative_rmse"]
+        )
     return row
 
 

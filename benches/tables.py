@@ -55,7 +55,18 @@ def _mitsuba(rows: list[dict[str, Any]]) -> str:
             cells = [row["workload"], entry["sampler"], str(entry["spp"]), _number(entry["ms"])]
             cells += [_number(entry["relative_rmse"], 4), _number(entry["median_relative_error"], 4)]
             body.append(cells)
-    return _table(head, body) if body else ""
+    if not body:
+        return ""
+    equal = [
+        [
+            row["workload"],
+            _number(row["wall_ms"]),
+            _number(row.get("mitsuba_to_our_error_ms")) or "not between",
+        ]
+        for row in rows
+    ]
+    note = "Times to the same error, Mitsuba's between 16 and 1,024 multijittered samples:"
+    return "\n\n".join([_table(head, body), note, _table(["workload", "ours, ms", "Mitsuba, ms"], equal)])
 
 
 def _rates(rates: list[dict[str, Any]]) -> str:
