@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 __all__ = ["cache_folder", "content_key", "load", "store"]
 
 # Raise it when the estimator changes what it computes: everything that was kept is then forgotten.
-_FORMAT = 1
+_FORMAT = 2
 _MESH_ARRAYS = ("positions", "triangles", "normals", "uvs", "colors", "transform")
 _AREA_FIELDS = ("corner", "edge_u", "edge_v", "radiance", "two_sided", "visible", "filter")
 _SPOT_FIELDS = ("position", "target", "intensity", "cutoff")

@@ -54,13 +54,10 @@ class Estimator:
     sampler: str
 
     def __post_init__(self) -> None:
-        load = self.mi.load_dict
         self._is_scalar = self.mi.variant().startswith("scalar")
-        if self.part == "indirect":
-            # the light that a bounce brings: a path one segment shorter, seen from the first surface
-            self._integrator = load({**integrator_dict(3), "max_depth": self.max_depth - 1})
-        else:
-            self._integrator = load(integrator_dict(2 if self.part == "direct" else self.max_depth))
+        # the light that a bounce brings is a path one segment shorter, seen from the first surface
+        depth = {"total": self.max_depth, "direct": 2, "indirect": self.max_depth - 1}[self.part]
+        self._integrator = self.mi.load_dict(_weighted(depth))
 
     def run(self, spp: int, seed: int) -> NDArray[np.float64]:
         """Take `spp` samples of every pixel.
@@ -178,3 +175,11 @@ class Estimator:
             mi.Point3f(*(constant(v) for v in origin)), dr.normalize(x * right + y * up - backward)
         )
         return mi.RayDifferential3f(ray)
+
+
+def _weighted(max_depth: int) -> dict[str, Any]:
+    """Return an integrator that samples lights and materials alike and weights the two.
+
+    It has the same expected value as light sampling alone, without the outliers next to a light.
+    """
+    return {"type": "direct"} if max_depth == 2 else integrator_dict(max_depth)

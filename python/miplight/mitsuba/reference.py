@@ -138,8 +138,9 @@ def reference(
     """Compute the picture that a render should match.
 
     The same triangles, normals, texels and lights go to Mitsuba (`to_dict`), moved to the middle of the
-    scene; rays are those of `camera`. Direct light is sampled by the lights alone (Mitsuba's `direct`, no
-    material sampling), more by `path` with multiple importance sampling and no Russian roulette.
+    scene; rays are those of `camera`. Direct light is Mitsuba's `direct`, more is `path`, both with multiple
+    importance sampling (the same expected value as light sampling alone, without its outliers next to a
+    light) and without Russian roulette.
 
     Parameters
     ----------

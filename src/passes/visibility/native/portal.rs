@@ -46,7 +46,13 @@ fn open_mesh<I: Isa>(blas: &Blas, shaft: &Shaft<I>, instance: u32, portals: &mut
 
 /// All portals of rays from `origin` along `direction`, `t` in (0, `t_max`), instance after instance.
 #[inline(always)]
-pub(crate) fn open<I: Isa>(scene: &TraceScene, origin: &Interval, direction: &Interval, t_max: f32, portals: &mut Vec<Portal>) {
+pub(crate) fn open<I: Isa>(
+    scene: &TraceScene,
+    origin: &Interval,
+    direction: &Interval,
+    t_max: f32,
+    portals: &mut Vec<Portal>,
+) {
     portals.clear();
     let nodes = scene.tlas.nodes();
     if nodes.is_empty() {

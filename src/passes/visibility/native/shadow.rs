@@ -112,7 +112,13 @@ fn receiver_rays<I: Isa>(
     let mut bundle = Bundle { origin: splat(receiver.origin), ..Bundle::IDLE };
     let origin = Interval::point(receiver.origin);
     let mut portals = std::mem::take(&mut scratch.portals);
-    portal::open::<I>(scene, &origin, &towards(&columns.patterns[pattern], receiver.origin), columns.t_max, &mut portals);
+    portal::open::<I>(
+        scene,
+        &origin,
+        &towards(&columns.patterns[pattern], receiver.origin),
+        columns.t_max,
+        &mut portals,
+    );
     let mut rays = 0;
     for (packet, first) in (0..columns.strata).step_by(n).enumerate() {
         for axis in 0..3 {
