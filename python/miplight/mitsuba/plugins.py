@@ -62,28 +62,7 @@ def _invisible_light(mi: Any) -> type:
             self.m_needs_sample_2 = True
 
         def sample_direction(self, it: Any, sample: Any, active: Any = True) -> tuple[Any, Any]:
-            point = (
-                mi.Point3f(self.corner)
-                + sample.x * mi.Vector3f(self.edge_u)
-                + sample.y * mi.Vector3f(self.edge_v)
-            )
-            offset = point - it.p
-            distance2 = dr.squared_norm(offset)
-            distance = dr.sqrt(distance2)
-            direction = offset / distance
-            cosine = -dr.dot(direction, mi.Normal3f(self.normal))
-            if self.two_sided:
-                cosine = dr.abs(cosine)
-            active = mi.Mask(active) & (cosine > 0)
-            ds = _zeros(mi, mi.DirectionSample3f)
-            ds.p, ds.n, ds.uv, ds.time = point, mi.Normal3f(self.normal), mi.Point2f(sample), it.time
-            ds.d, ds.dist, ds.delta = direction, distance, mi.Bool(True)
-            ds.pdf = dr.select(active, mi.Float(1.0), mi.Float(0.0))
-            ds.emitter = self if mi.variant().startswith("scalar") else mi.EmitterPtr(self)
-            si = _zeros(mi, mi.SurfaceInteraction3f)
-            si.uv, si.time = mi.Point2f(sample), it.time
-            weight = self.radiance.eval(si, active) * (self.area * cosine / distance2)
-            return ds, dr.select(active, weight, mi.Color3f(0.0))
+            return _sample_parallelogram(mi, self, it, sample, active)
 
         def pdf_direction(self, it: Any, ds: Any, active: Any = True) -> Any:  # noqa: ARG002
             return mi.Float(0.0)
@@ -105,6 +84,31 @@ def _invisible_light(mi: Any) -> type:
             return f"InvisibleLight[corner={self.corner}, edge_u={self.edge_u}, edge_v={self.edge_v}]"
 
     return InvisibleLight
+
+
+def _sample_parallelogram(mi: Any, light: Any, it: Any, sample: Any, active: Any) -> tuple[Any, Any]:
+    """Draw a point of the light for the interaction `it`: its direction sample and weight."""
+    import drjit as dr
+
+    corner, normal = mi.Point3f(light.corner), mi.Normal3f(light.normal)
+    point = corner + sample.x * mi.Vector3f(light.edge_u) + sample.y * mi.Vector3f(light.edge_v)
+    offset = point - it.p
+    distance2 = dr.squared_norm(offset)
+    distance = dr.sqrt(distance2)
+    direction = offset / distance
+    cosine = -dr.dot(direction, normal)
+    if light.two_sided:
+        cosine = dr.abs(cosine)
+    active = mi.Mask(active) & (cosine > 0)
+    ds = _zeros(mi, mi.DirectionSample3f)
+    ds.p, ds.n, ds.uv, ds.time = point, normal, mi.Point2f(sample), it.time
+    ds.d, ds.dist, ds.delta = direction, distance, mi.Bool(True)
+    ds.pdf = dr.select(active, mi.Float(1.0), mi.Float(0.0))
+    ds.emitter = light if mi.variant().startswith("scalar") else mi.EmitterPtr(light)
+    si = _zeros(mi, mi.SurfaceInteraction3f)
+    si.uv, si.time = mi.Point2f(sample), it.time
+    weight = light.radiance.eval(si, active) * (light.area * cosine / distance2)
+    return ds, dr.select(active, weight, mi.Color3f(0.0))
 
 
 def _product(mi: Any) -> type:
