@@ -62,6 +62,10 @@ bench: setup ## Measure passes, rays, errors and Mitsuba; writes benches/results
 bench-gpu: setup ## The same on a GPU, without Mitsuba
 	$(BIN)/python benches/run.py --adapter gpu --no-mitsuba
 
+.PHONY: pictures
+pictures: setup ## Make the pictures and times of docs/method.md
+	$(BIN)/python docs/make_pictures.py
+
 .PHONY: clean
 clean: ## Remove what was built
 	rm -rf target $(VENV) out tests/failures python/miplight/_core*.so .mypy_cache .ruff_cache .pytest_cache
