@@ -35,7 +35,7 @@ _LLVM_PLACES = (
     "/opt/homebrew/opt/llvm*/lib/libLLVM.dylib",
     "/usr/local/opt/llvm*/lib/libLLVM.dylib",
     # rustc ships a recent LLVM: enough, and there wherever miplight is built from source
-    "~/.rustup/toolchains/*/lib/libLLVM*.so*",
+    "$RUSTUP_HOME/toolchains/*/lib/libLLVM*.so*",
 )
 
 
@@ -166,9 +166,10 @@ def _point_to_llvm() -> None:
 
 def _expand(place: str) -> list[Path]:
     """Files that a pattern of `_LLVM_PLACES` finds."""
-    if place.startswith("~/"):
-        return list(Path.home().glob(place[2:]))
-    return list(Path("/").glob(place[1:]))
+    root = Path("/")
+    if place.startswith("$RUSTUP_HOME/"):
+        root = Path(os.environ.get("RUSTUP_HOME") or Path.home() / ".rustup")
+    return list(root.glob(place.partition("/")[2]))
 
 
 def _llvm_library(path: Path) -> tuple[int, str] | None:
