@@ -52,7 +52,8 @@ pub struct Plan {
 /// Passes that find what each pixel sees.
 pub const GEOMETRY: [&str; 3] = ["geometry/primary_rays", "geometry/trace", "geometry/gbuffer"];
 /// Passes of direct light.
-pub const DIRECT: [&str; 4] = ["direct/light_samples", "direct/receivers", "direct/shadow", "direct/gather"];
+pub const DIRECT: [&str; 5] =
+    ["direct/light_samples", "direct/receivers", "direct/shadow", "direct/gather", "direct/gather_ratio"];
 /// Passes of indirect light.
 pub const INDIRECT: [&str; 5] =
     ["indirect/gather_rays", "indirect/trace", "indirect/gather_hits", "indirect/shadow", "indirect/gather_sum"];
@@ -96,7 +97,10 @@ pub fn plan(facts: SceneFacts, settings: &Settings, valid: Valid) -> Plan {
     plan.add(&DIRECT[..1], direct.or(no_area));
     plan.add(&DIRECT[1..2], direct);
     plan.add(&DIRECT[2..3], direct.or(settings.is("visibility", "none").then_some("visibility is none")));
-    plan.add(&DIRECT[3..], direct);
+    let ratio = settings.is("direct_estimator", "ratio");
+    let no_sum = (ratio && facts.spot_lights == 0).then_some("direct_estimator is ratio, and there is no spot light");
+    plan.add(&DIRECT[3..4], direct.or(no_sum));
+    plan.add(&DIRECT[4..], direct.or(no_area).or((!ratio).then_some("direct_estimator is samples")));
 
     let indirect = settings.is("indirect", "off").then_some("indirect is off").or(no_surface).or(no_light);
     plan.add(&INDIRECT, indirect);
@@ -125,9 +129,13 @@ mod tests {
         let all = [&GEOMETRY[..], &DIRECT, &INDIRECT, &[COMPOSITE, DOWNSAMPLE]].concat();
         for facts in [ROOM, SceneFacts::default(), SceneFacts { spot_lights: 1, area_lights: 0, ..ROOM }] {
             for gbuffer in [false, true] {
-                for change in
-                    [("indirect", "off"), ("indirect", "final-gather"), ("direct", "off"), ("visibility", "none")]
-                {
+                for change in [
+                    ("indirect", "off"),
+                    ("indirect", "final-gather"),
+                    ("direct", "off"),
+                    ("visibility", "none"),
+                    ("direct_estimator", "ratio"),
+                ] {
                     let plan = plan(facts, &settings(&[change]), Valid { gbuffer });
                     for pass in &all {
                         assert_ne!(plan.runs(pass), !reason(&plan, pass).is_empty(), "{pass} {facts:?} {change:?}");

@@ -169,8 +169,8 @@ impl Renderer {
         stats.light_evaluations = active * work.samples;
         stats.rebuilt = rebuilt.into_iter().map(str::to_owned).collect();
         stats.device_bytes = self.gpu.allocated_bytes();
-        if plan.runs(DIRECT[3]) && active == 0 {
-            stats.empty.push((DIRECT[3].to_owned(), "no pixel sees a surface".to_owned()));
+        if plan.runs(DIRECT[1]) && active == 0 {
+            stats.empty.push((DIRECT[1].to_owned(), "no pixel sees a surface".to_owned()));
         }
         Ok(FrameInfo {
             generation: state.generation,
@@ -225,7 +225,7 @@ impl State {
         let mut context = Context { recorder, resources, scene, tracer, prepared, settings, view, rays: 0 };
         let gbuffer = gbuffer::buffers(&mut context)?;
         context.scoped("geometry", |context| geometry(context, plan, &gbuffer))?;
-        let direct = match plan.runs(DIRECT[3]) {
+        let direct = match plan.runs(DIRECT[1]) {
             true => Some(context.scoped("direct", |context| gather::record(context, &gbuffer))?),
             false => None,
         };

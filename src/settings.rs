@@ -167,6 +167,15 @@ pub const SPECS: &[Spec] = &[
     ),
     int("light_samples", [1, 4096], 256, "Strata of equal area on each area light.", "[NPW10 Eq. 2]"),
     choice(
+        "direct_estimator",
+        &["samples", "ratio"],
+        &["samples", "ratio"],
+        "samples",
+        "Direct light of an area light: the sum over its visible samples, or its exact unshadowed integral times the \
+         visible share of the samples.",
+        "[HHM18]",
+    ),
+    choice(
         "light_pattern",
         &["grid", "jittered"],
         &["grid", "jittered"],
@@ -232,7 +241,7 @@ pub const PRESETS: &[(&str, Option<&[(&str, Default)]>)] = &[
     ("area-2010", None),
     ("area-2016", None),
     ("brute-force", Some(&[])),
-    ("default", Some(&[])),
+    ("default", Some(&[("direct_estimator", Default::Text("ratio")), ("light_samples", Default::Int(64))])),
 ];
 
 impl Default {

@@ -22,31 +22,45 @@ pub struct GatherParams {
     pub pad: u32,
 }
 
-/// Adds the irradiance of one light at `count` receivers.
+/// What a sum over the samples of a light reads and writes.
+pub struct Gathered<'g> {
+    /// Whose samples.
+    pub light: &'g LightSamples,
+    /// Shading points.
+    pub receivers: &'g Buffer<Receiver>,
+    /// Which samples they see.
+    pub visibility: &'g Buffer<u32>,
+    /// Shading points in use.
+    pub count: usize,
+    /// Whether `visibility` was found out; else everything is seen.
+    pub traced: bool,
+    /// In image order; added to.
+    pub irradiance: &'g Buffer<[f32; 4]>,
+}
+
+/// Adds the irradiance of one light at each receiver, sample by sample.
 ///
 /// # Errors
 /// Those of the device; `Cancelled`.
-pub fn record(
-    context: &mut Context<'_, '_>,
-    light: &LightSamples,
-    receivers: &Buffer<Receiver>,
-    visibility: &Buffer<u32>,
-    count: usize,
-    traced: bool,
-    irradiance: &Buffer<[f32; 4]>,
-) -> Result<()> {
-    let kernel = context.kernel("gather/gather", "main")?;
-    let words = if traced { light.strata.div_ceil(32) } else { 0 };
+pub fn record(context: &mut Context<'_, '_>, work: &Gathered<'_>) -> Result<()> {
+    record_as(context, "gather", work)
+}
+
+/// Runs the pass `stem`, which has the bindings of `gather`.
+pub(super) fn record_as(context: &mut Context<'_, '_>, stem: &str, work: &Gathered<'_>) -> Result<()> {
+    let kernel = context.kernel(&format!("gather/{stem}"), "main")?;
+    let light = work.light;
+    let words = if work.traced { light.strata.div_ceil(32) } else { 0 };
     let params = GatherParams { strata: light.strata, words, light: light.light, pad: 0 };
     context
         .recorder
-        .pass("gather", &kernel)
+        .pass(stem, &kernel)
         .uniform("params", &params)
-        .bind("receivers", receivers)
-        .bind("visibility", visibility)
+        .bind("receivers", work.receivers)
+        .bind("visibility", work.visibility)
         .bind("light_points", &light.points)
         .bind("light_radiance", &light.radiance)
         .bind("lights", context.scene.lights()?)
-        .bind("direct_irradiance", irradiance)
-        .dispatch_cut(count, 4.0 * f64::from(light.strata))
+        .bind("direct_irradiance", work.irradiance)
+        .dispatch_cut(work.count, 200.0 + 4.0 * f64::from(light.strata))
 }

@@ -2,11 +2,13 @@
 
 #[allow(clippy::module_inception, reason = "the pass has the name of its stage")]
 pub mod gather;
+pub mod gather_ratio;
 pub mod receivers;
 
+use self::gather::Gathered;
 use crate::error::Result;
 use crate::gpu::Buffer;
-use crate::passes::lights::light_samples::{self, LightSamples};
+use crate::passes::lights::light_samples;
 use crate::passes::visibility::Receiver;
 use crate::passes::visibility::trace_wgsl::ShadowLight;
 use crate::passes::{Context, GBuffer, TILE_PIXELS};
@@ -54,7 +56,8 @@ pub fn record(context: &mut Context<'_, '_>, gbuffer: &GBuffer) -> Result<Direct
         let count = len.min(context.view.tiled as usize - first);
         receivers::record(context, gbuffer, first, count, &receivers, &active)?;
         for light in &samples {
-            shade(context, light, &receivers, &visibility, count, words > 0, &irradiance)?;
+            let (receivers, visibility, irradiance) = (&receivers, &visibility, &irradiance);
+            shade(context, &Gathered { light, receivers, visibility, count, traced: words > 0, irradiance })?;
         }
         first += count;
     }
@@ -62,16 +65,9 @@ pub fn record(context: &mut Context<'_, '_>, gbuffer: &GBuffer) -> Result<Direct
     Ok(Direct { irradiance, active, samples })
 }
 
-fn shade(
-    context: &mut Context<'_, '_>,
-    light: &LightSamples,
-    receivers: &Buffer<Receiver>,
-    visibility: &Buffer<u32>,
-    count: usize,
-    trace: bool,
-    irradiance: &Buffer<[f32; 4]>,
-) -> Result<()> {
-    if trace {
+fn shade(context: &mut Context<'_, '_>, work: &Gathered<'_>) -> Result<()> {
+    let light = work.light;
+    if work.traced {
         let asked = ShadowLight {
             points: &light.points,
             strata: light.strata,
@@ -80,8 +76,13 @@ fn shade(
             cone_axis: light.normal.to_array(),
             cos_cutoff: light.cos_cutoff,
         };
-        let tracer = context.tracer;
-        context.rays += tracer.shadow(context.recorder, "shadow", receivers, &asked, visibility, 0..count)?;
+        let (tracer, range) = (context.tracer, 0..work.count);
+        context.rays += tracer.shadow(context.recorder, "shadow", work.receivers, &asked, work.visibility, range)?;
     }
-    gather::record(context, light, receivers, visibility, count, trace, irradiance)
+    let is_area = light.cos_cutoff < -1.0;
+    if is_area && context.settings.is("direct_estimator", "ratio") {
+        gather_ratio::record(context, work)
+    } else {
+        gather::record(context, work)
+    }
 }
