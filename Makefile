@@ -83,5 +83,5 @@ $(STAMP)/system: $(STAMP)/venv tools/ensure_system.sh
 # maturin also installs the packages that pyproject.toml names
 $(STAMP)/extension: $(STAMP)/venv pyproject.toml Cargo.toml Cargo.lock $(RUST_FILES)
 	@command -v cargo >/dev/null || { echo "Rust is missing: install rustc and cargo 1.89 or newer" >&2; exit 1; }
-	VIRTUAL_ENV=$(abspath $(VENV)) $(BIN)/maturin develop --release --locked --extras dev,mitsuba,notebook,test
+	PIP_QUIET=1 VIRTUAL_ENV=$(abspath $(VENV)) $(BIN)/maturin develop --release --locked --extras dev,mitsuba,notebook,test
 	touch $@
