@@ -128,18 +128,3 @@ def random_spot(rng: np.random.Generator, degrees: float = 40.0) -> Spot:
     """A spot near the origin."""
     axis = rng.normal(size=3)
     return Spot(rng.normal(size=3), axis, rng.uniform(1, 9, 3), float(np.cos(np.radians(degrees))))
-
-
-def polygon_irradiance(corners: NDArray[Any], points: NDArray[Any], normals: NDArray[Any]) -> Array:
-    """Irradiance at each of (n, 3) points from a polygon of radiance 1 above the horizon (Lambert's formula).
-
-    E = 1/2 Σ_i Γ_i n·(r_i × r_{i+1}) / |r_i × r_{i+1}|, with Γ_i the angle that edge i takes up.
-    """
-    spokes = np.asarray(corners, np.float64)[None] - np.asarray(points, np.float64)[:, None]
-    following = np.roll(spokes, -1, axis=1)
-    cross = np.cross(spokes, following)
-    sine = np.linalg.norm(cross, axis=-1)
-    angle = np.arctan2(sine, (spokes * following).sum(axis=-1))
-    total = np.einsum("ne,nec,nc->n", angle / sine, cross, np.broadcast_to(normals, points.shape)) / 2
-    irradiance: Array = np.abs(total)
-    return irradiance
