@@ -10,10 +10,10 @@ use crate::scene::bvh::{Blas, Child, Node8, TriangleBlock};
 const SINGLE_BELOW: u32 = 3;
 
 /// A packet in the space of a mesh.
-pub(crate) struct Entered<'a, I: Isa> {
+pub(crate) struct Entered<'a> {
     pub(crate) blas: &'a Blas,
     pub(crate) local: Local<'a>,
-    pub(crate) shaft: Shaft<I>,
+    pub(crate) shaft: Shaft,
     pub(crate) instance: u32,
 }
 
@@ -226,7 +226,7 @@ fn block<P: Lanes, const ANY: bool, const COHERENT: bool>(
 /// Traces the `active` rays of a packet through the subtrees below `roots`.
 #[inline(always)]
 pub(crate) fn traverse<I: Isa, const ANY: bool, const COHERENT: bool>(
-    entered: &Entered<I>,
+    entered: &Entered,
     roots: &[Node8],
     active: u32,
     state: &mut State,
@@ -262,7 +262,7 @@ pub(crate) fn traverse<I: Isa, const ANY: bool, const COHERENT: bool>(
 pub(crate) fn descend<I: Isa, const ANY: bool, const COHERENT: bool>(
     node: &Node8,
     slabs: &Slabs<I::Packet>,
-    shaft: &Shaft<I>,
+    shaft: &Shaft,
     mask: u32,
     state: &State,
     stack: &mut Stack,
@@ -271,7 +271,7 @@ pub(crate) fn descend<I: Isa, const ANY: bool, const COHERENT: bool>(
     let active = <I::Packet as Lanes>::M::from_bits(mask);
     let base = stack.top;
     let mut nearest = (f32::INFINITY, base);
-    for slot in set_lanes(shaft.test(node)) {
+    for slot in set_lanes(shaft.test::<I::Node>(node)) {
         let (near, far) = slabs.test::<COHERENT>(node, slot);
         let near = near.max(start);
         let hit = near.not_gt(far.min(end)).and(active).bits();

@@ -4,7 +4,7 @@ use super::packet::{Portal, Scratch, State};
 use super::portal;
 use super::rays::{Bundle, Heading, Row, rows};
 use super::scene::{Launch, trace, visit};
-use super::shaft::Interval;
+use super::shaft::{Cone, Interval};
 use super::simd::{Isa, Lanes, Mask, set_lanes, splat3, three};
 
 /// A sample table as columns, so that neighbouring strata load as vectors, and their boxes.
@@ -148,7 +148,7 @@ fn through_portals<I: Isa>(
 ) -> u32 {
     let mut state = State::new(bundle.t_min, bundle.t_max, bundle.active);
     let heading = Heading::new::<I::Packet>(&bundle.direction);
-    let launch = Launch { bundle, heading, origin, direction, t_max };
+    let launch = Launch { bundle, heading, origin, direction, cone: Cone::new(&direction, t_max), t_max };
     for portal in portals {
         let mask = state.alive;
         if mask == 0 {
