@@ -4,8 +4,8 @@
 //! what is left is often nothing (no occluder near), and otherwise a short list from which every packet starts.
 use super::super::trace_native::TraceScene;
 use super::packet::Portal;
-use super::scene::enter_shaft;
-use super::shaft::{Cone, Interval, Shaft};
+use super::scene::{Group, enter_shaft};
+use super::shaft::Shaft;
 use super::simd::{Isa, set_lanes};
 use crate::scene::bvh::{Blas, Child, Node8};
 
@@ -44,16 +44,15 @@ fn open_mesh<I: Isa>(blas: &Blas, shaft: &Shaft, instance: u32, portals: &mut Ve
     }
 }
 
-/// All portals of rays from `origin` along `direction`, `t` in (0, `t_max`), instance after instance.
+/// All portals of a group of rays, instance after instance.
 #[inline(always)]
-pub(crate) fn open<I: Isa>(scene: &TraceScene, origin: &Interval, direction: &Interval, t_max: f32, portals: &mut Vec<Portal>) {
+pub(crate) fn open<I: Isa>(scene: &TraceScene, group: &Group, portals: &mut Vec<Portal>) {
     portals.clear();
     let nodes = scene.tlas.nodes();
     if nodes.is_empty() {
         return;
     }
-    let cone = Cone::new(direction, t_max);
-    let shaft = Shaft::new(cone, origin, scene.tlas.bounds().max_abs());
+    let shaft = group.shaft(scene.tlas.bounds().max_abs());
     let mut todo = vec![];
     let mut next = Some(Child::ROOT);
     while let Some(at) = next {
@@ -62,7 +61,7 @@ pub(crate) fn open<I: Isa>(scene: &TraceScene, origin: &Interval, direction: &In
             let child = node.children[slot];
             if child.is_leaf() {
                 let placed = &scene.placed[child.index()];
-                let shaft = enter_shaft(placed, &cone, origin, direction, t_max);
+                let shaft = enter_shaft(placed, group);
                 open_mesh::<I>(&placed.blas, &shaft, child.index() as u32, portals);
             } else {
                 todo.push(child);

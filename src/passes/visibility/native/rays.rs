@@ -1,7 +1,6 @@
 //! A packet of rays: in scene space, and as an instance sees it.
 use super::super::trace_native::Ray;
 use super::instance::Placed;
-use super::shaft::Interval;
 use super::simd::{Lanes, Mask, splat3, three};
 
 /// One value per ray; vectors load its first lanes.
@@ -99,23 +98,6 @@ impl Bundle {
         }
         self.active = valid.and(zero.lt(length)).bits();
     }
-}
-
-/// Smallest and largest value of each row among the lanes of `active`.
-#[inline(always)]
-pub(crate) fn interval<P: Lanes>(rows: &[Row; 3], active: u32) -> Interval {
-    let mask = P::M::from_bits(active);
-    let (above, below) = (P::splat(f32::INFINITY), P::splat(f32::NEG_INFINITY));
-    Interval {
-        lo: three!(i => P::select(mask, rows[i].get(), above).smallest()),
-        hi: three!(i => P::select(mask, rows[i].get(), below).largest()),
-    }
-}
-
-/// Largest value among the lanes of `active`.
-#[inline(always)]
-pub(crate) fn largest<P: Lanes>(row: &Row, active: u32) -> f32 {
-    P::select(P::M::from_bits(active), row.get(), P::splat(f32::NEG_INFINITY)).largest()
 }
 
 /// Component of a direction below this share of the largest one is raised to it for the box tests, so that no

@@ -3,8 +3,8 @@ use super::super::trace_native::{Receiver, SampleTable, TraceScene};
 use super::packet::{Portal, Scratch, State};
 use super::portal;
 use super::rays::{Bundle, Heading, Row, rows};
-use super::scene::{Launch, trace, visit};
-use super::shaft::{Cone, Interval};
+use super::scene::{Group, Launch, trace, visit};
+use super::shaft::Interval;
 use super::simd::{Isa, Lanes, Mask, set_lanes, splat3, three};
 
 /// A sample table as columns, so that neighbouring strata load as vectors, and their boxes.
@@ -112,7 +112,8 @@ fn receiver_rays<I: Isa>(
     let mut bundle = Bundle { origin: splat(receiver.origin), ..Bundle::IDLE };
     let origin = Interval::point(receiver.origin);
     let mut portals = std::mem::take(&mut scratch.portals);
-    portal::open::<I>(scene, &origin, &towards(&columns.patterns[pattern], receiver.origin), columns.t_max, &mut portals);
+    let all = Group::new(origin, towards(&columns.patterns[pattern], receiver.origin), columns.t_max);
+    portal::open::<I>(scene, &all, &mut portals);
     let mut rays = 0;
     for (packet, first) in (0..columns.strata).step_by(n).enumerate() {
         for axis in 0..3 {
@@ -127,7 +128,8 @@ fn receiver_rays<I: Isa>(
         rays += u64::from(visible.count_ones());
         if visible != 0 && !portals.is_empty() {
             let direction = towards(&columns.packets[pattern * columns.packets_each + packet], receiver.origin);
-            visible = through_portals::<I>(scene, &bundle, origin, direction, columns.t_max, &portals, scratch);
+            let group = Group::new(origin, direction, columns.t_max);
+            visible = through_portals::<I>(scene, &bundle, group, &portals, scratch);
         }
         bits[first / 32] |= visible << (first % 32);
     }
@@ -140,15 +142,13 @@ fn receiver_rays<I: Isa>(
 fn through_portals<I: Isa>(
     scene: &TraceScene,
     bundle: &Bundle,
-    origin: Interval,
-    direction: Interval,
-    t_max: f32,
+    group: Group,
     portals: &[Portal],
     scratch: &mut Scratch,
 ) -> u32 {
     let mut state = State::new(bundle.t_min, bundle.t_max, bundle.active);
     let heading = Heading::new::<I::Packet>(&bundle.direction);
-    let launch = Launch { bundle, heading, origin, direction, cone: Cone::new(&direction, t_max), t_max };
+    let launch = Launch { bundle, heading, group: Some(group) };
     for portal in portals {
         let mask = state.alive;
         if mask == 0 {

@@ -43,7 +43,7 @@ pub(crate) struct Cone {
     end_lo: [f32; 2],
     end_hi: [f32; 2],
     /// Without a common sign nothing can be said.
-    pub(crate) valid: bool,
+    valid: bool,
 }
 
 impl Cone {
@@ -73,18 +73,6 @@ impl Cone {
             valid: least[axis] > 0.0,
         }
     }
-
-    /// Any directions at all.
-    pub(crate) const NONE: Self = Self {
-        axis: 0,
-        back: false,
-        slope_lo: [0.0; 2],
-        slope_hi: [0.0; 2],
-        end: 0.0,
-        end_lo: [0.0; 2],
-        end_hi: [0.0; 2],
-        valid: false,
-    };
 }
 
 /// A cone with its origins: what it misses, no ray of the group hits. The margin is that of the boxes.
@@ -102,6 +90,28 @@ pub(crate) struct Shaft {
 }
 
 impl Shaft {
+    /// Nothing known: all is entered.
+    pub(crate) const NONE: Self = Self {
+        cone: Cone {
+            axis: 0,
+            back: false,
+            slope_lo: [0.0; 2],
+            slope_hi: [0.0; 2],
+            end: 0.0,
+            end_lo: [0.0; 2],
+            end_hi: [0.0; 2],
+            valid: false,
+        },
+        depth_rows: [0; 2],
+        across: [0; 2],
+        sign: 0.0,
+        near: 0.0,
+        far: 0.0,
+        margin: 0.0,
+        to_lo: [0.0; 2],
+        to_hi: [0.0; 2],
+    };
+
     /// Rays of `cone` from `origin`, among boxes that reach `reach` from the middle of their space.
     #[inline(always)]
     pub(crate) fn new(cone: Cone, origin: &Interval, reach: f32) -> Self {

@@ -58,10 +58,6 @@ pub(crate) trait Lanes:
     fn not_gt(self, other: Self) -> Self::M;
     /// `yes` in the lanes of `mask`, else `no`.
     fn select(mask: Self::M, yes: Self, no: Self) -> Self;
-    /// Smallest value of all lanes.
-    fn smallest(self) -> f32;
-    /// Largest value of all lanes.
-    fn largest(self) -> f32;
     /// Value of one lane.
     #[inline(always)]
     fn lane(self, lane: usize) -> f32 {
