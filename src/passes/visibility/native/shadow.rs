@@ -2,7 +2,7 @@
 use super::super::trace_native::{Receiver, SampleTable, TraceScene};
 use super::packet::{Portal, Scratch, State};
 use super::portal;
-use super::rays::{Bundle, Heading, Row, rows};
+use super::rays::{Bundle, Heading, LANES, Row, rows};
 use super::scene::{Group, Launch, trace, visit};
 use super::shaft::Interval;
 use super::simd::{Isa, Lanes, Mask, set_lanes, splat3, three};
@@ -38,7 +38,7 @@ impl Columns {
     /// Turns the rows of a table into columns, for packets of `n`.
     pub(crate) fn new(table: &SampleTable, n: usize) -> Self {
         let column = |axis: usize| {
-            let spare = std::iter::repeat_n(0.0, 16);
+            let spare = std::iter::repeat_n(0.0, LANES);
             table.points.iter().map(|p| p[axis]).chain(spare).collect()
         };
         let strata = table.strata as usize;
@@ -107,7 +107,7 @@ fn receiver_rays<I: Isa>(
     let Some(start) = columns.start(receiver) else { return 0 };
     let pattern = receiver.pattern as usize;
     let n = I::Packet::N;
-    let splat = |v: [f32; 3]| v.map(|x| Row([x; 16]));
+    let splat = |v: [f32; 3]| v.map(|x| Row([x; LANES]));
     let points = Points { normal_geo: splat(receiver.normal_geo), normal_shade: splat(receiver.normal_shade) };
     let mut bundle = Bundle { origin: splat(receiver.origin), ..Bundle::IDLE };
     let origin = Interval::point(receiver.origin);
@@ -173,7 +173,7 @@ fn few_strata<I: Isa>(
 ) -> u64 {
     let (n, strata) = (I::Packet::N, columns.strata);
     let total = receivers.len() * strata;
-    let zero = [Row([0.0; 16]); 3];
+    let zero = [Row([0.0; LANES]); 3];
     let mut points = Points { normal_geo: zero, normal_shade: zero };
     let mut bundle = Bundle::IDLE;
     let mut rays = 0;

@@ -22,7 +22,7 @@ pub(crate) trait Mask: Copy {
 pub(crate) trait Lanes:
     Copy + Add<Output = Self> + Sub<Output = Self> + Mul<Output = Self> + Div<Output = Self>
 {
-    /// Number of lanes, at most 16.
+    /// Number of lanes, at most 32.
     const N: usize;
     /// Its lane set.
     type M: Mask;
@@ -61,9 +61,9 @@ pub(crate) trait Lanes:
     /// Value of one lane.
     #[inline(always)]
     fn lane(self, lane: usize) -> f32 {
-        let mut values = [0.0; 16];
+        let mut values = [0.0; 32];
         self.store(&mut values);
-        values[lane & 15]
+        values[lane & 31]
     }
 }
 

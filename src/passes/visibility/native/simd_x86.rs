@@ -3,6 +3,7 @@
 //! Each method is inlined into an entry point of `dispatch` that enables the instruction set, after a run-time
 //! check of the CPU; that check is what each `SAFETY: checked` below refers to.
 use super::simd::{Isa, Lanes, Mask};
+use super::simd_pair::Pair;
 use std::arch::x86_64::*;
 use std::ops::{Add, Div, Mul, Sub};
 
@@ -253,7 +254,7 @@ lanes!(
 pub(crate) struct Avx512;
 
 impl Isa for Avx512 {
-    type Packet = F32x16;
+    type Packet = Pair<F32x16>;
     type Node = F32x8;
     type Block = F32x4;
 }
