@@ -38,6 +38,17 @@ pub(crate) fn available() -> Vec<SimdWidth> {
     found
 }
 
+/// Rays of a packet.
+fn packet_lanes(width: SimdWidth) -> usize {
+    match width {
+        #[cfg(target_arch = "x86_64")]
+        SimdWidth::Avx512 => <Avx512 as Isa>::Packet::N,
+        #[cfg(target_arch = "x86_64")]
+        SimdWidth::Avx2 => <Avx2 as Isa>::Packet::N,
+        _ => <Portable as Isa>::Packet::N,
+    }
+}
+
 /// The widest of them.
 pub(crate) fn best() -> SimdWidth {
     available().pop().unwrap_or(SimdWidth::Portable)
@@ -162,7 +173,7 @@ pub(crate) fn shadow(
     bits: &mut [u32],
     cancel: &AtomicBool,
 ) -> u64 {
-    let columns = Columns::new(table, if scene.width == SimdWidth::Avx512 { 16 } else { 8 });
+    let columns = Columns::new(table, packet_lanes(scene.width));
     let run_length = (CHUNK / columns.strata).max(1);
     let chunks = receivers.par_chunks(run_length).zip(bits.par_chunks_mut(run_length * table.words()));
     let traced = chunks.map_init(

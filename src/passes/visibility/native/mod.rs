@@ -8,6 +8,7 @@ mod scene;
 mod shadow;
 mod shaft;
 mod simd;
+mod simd_pair;
 mod simd_portable;
 #[cfg(target_arch = "x86_64")]
 mod simd_x86;

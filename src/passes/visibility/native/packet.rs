@@ -1,5 +1,5 @@
 //! Packets: one node or triangle against all rays of a packet.
-use super::rays::{Local, Row, cycle, rows};
+use super::rays::{LANES, Local, Row, cycle, rows};
 use super::shaft::Shaft;
 use super::simd::{Isa, Lanes, Mask, set_lanes, three};
 use super::single;
@@ -10,10 +10,10 @@ use crate::scene::bvh::{Blas, Child, Node8, TriangleBlock};
 const SINGLE_BELOW: u32 = 3;
 
 /// A packet in the space of a mesh.
-pub(crate) struct Entered<'a, I: Isa> {
+pub(crate) struct Entered<'a> {
     pub(crate) blas: &'a Blas,
     pub(crate) local: Local<'a>,
-    pub(crate) shaft: Shaft<I>,
+    pub(crate) shaft: Shaft,
     pub(crate) instance: u32,
 }
 
@@ -30,8 +30,8 @@ pub(crate) struct State {
     pub(crate) t: Row,
     pub(crate) weight1: Row,
     pub(crate) weight2: Row,
-    pub(crate) instance: [u32; 16],
-    pub(crate) triangle: [u32; 16],
+    pub(crate) instance: [u32; LANES],
+    pub(crate) triangle: [u32; LANES],
     /// Rays that still look: in any-hit mode a hit ends a ray.
     pub(crate) alive: u32,
 }
@@ -39,8 +39,8 @@ pub(crate) struct State {
 impl State {
     /// Rays on their way.
     pub(crate) fn new(t_min: Row, t_max: Row, alive: u32) -> Self {
-        let zero = Row([0.0; 16]);
-        let none = [u32::MAX; 16];
+        let zero = Row([0.0; LANES]);
+        let none = [u32::MAX; LANES];
         Self { t_min, t: t_max, weight1: zero, weight2: zero, instance: none, triangle: none, alive }
     }
 
@@ -84,7 +84,7 @@ pub(crate) struct Stack {
 impl Stack {
     fn new(depth: usize) -> Self {
         let size = 8 * depth + 8;
-        Self { entries: vec![(Child::NONE, 0); size], near: vec![Row([0.0; 16]); size], top: 0 }
+        Self { entries: vec![(Child::NONE, 0); size], near: vec![Row([0.0; LANES]); size], top: 0 }
     }
 
     /// Forgets everything.
@@ -226,7 +226,7 @@ fn block<P: Lanes, const ANY: bool, const COHERENT: bool>(
 /// Traces the `active` rays of a packet through the subtrees below `roots`.
 #[inline(always)]
 pub(crate) fn traverse<I: Isa, const ANY: bool, const COHERENT: bool>(
-    entered: &Entered<I>,
+    entered: &Entered,
     roots: &[Node8],
     active: u32,
     state: &mut State,
@@ -262,7 +262,7 @@ pub(crate) fn traverse<I: Isa, const ANY: bool, const COHERENT: bool>(
 pub(crate) fn descend<I: Isa, const ANY: bool, const COHERENT: bool>(
     node: &Node8,
     slabs: &Slabs<I::Packet>,
-    shaft: &Shaft<I>,
+    shaft: &Shaft,
     mask: u32,
     state: &State,
     stack: &mut Stack,
@@ -271,7 +271,7 @@ pub(crate) fn descend<I: Isa, const ANY: bool, const COHERENT: bool>(
     let active = <I::Packet as Lanes>::M::from_bits(mask);
     let base = stack.top;
     let mut nearest = (f32::INFINITY, base);
-    for slot in set_lanes(shaft.test(node)) {
+    for slot in set_lanes(shaft.test::<I::Node>(node)) {
         let (near, far) = slabs.test::<COHERENT>(node, slot);
         let near = near.max(start);
         let hit = near.not_gt(far.min(end)).and(active).bits();
@@ -281,7 +281,7 @@ pub(crate) fn descend<I: Isa, const ANY: bool, const COHERENT: bool>(
         stack.top += usize::from(hit != 0);
         if !ANY {
             near.store(&mut stack.near[top].0);
-            let key = stack.near[top].0[hit.trailing_zeros() as usize & 15];
+            let key = stack.near[top].0[hit.trailing_zeros() as usize & (LANES - 1)];
             nearest = if hit != 0 && key < nearest.0 { (key, top) } else { nearest };
         }
     }

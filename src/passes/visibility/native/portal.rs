@@ -4,8 +4,8 @@
 //! what is left is often nothing (no occluder near), and otherwise a short list from which every packet starts.
 use super::super::trace_native::TraceScene;
 use super::packet::Portal;
-use super::scene::enter_shaft;
-use super::shaft::{Interval, Shaft};
+use super::scene::{Group, enter_shaft};
+use super::shaft::Shaft;
 use super::simd::{Isa, set_lanes};
 use crate::scene::bvh::{Blas, Child, Node8};
 
@@ -24,7 +24,7 @@ fn keep(portals: &mut Vec<Portal>, first: usize, instance: u32, from: &Node8, sl
 
 /// Portals into one mesh.
 #[inline(always)]
-fn open_mesh<I: Isa>(blas: &Blas, shaft: &Shaft<I>, instance: u32, portals: &mut Vec<Portal>) {
+fn open_mesh<I: Isa>(blas: &Blas, shaft: &Shaft, instance: u32, portals: &mut Vec<Portal>) {
     let nodes = blas.nodes_wide();
     let first = portals.len();
     let mut queue = [Child::ROOT; OPENED];
@@ -32,7 +32,7 @@ fn open_mesh<I: Isa>(blas: &Blas, shaft: &Shaft<I>, instance: u32, portals: &mut
     while head < tail {
         let node = &nodes[queue[head].index()];
         head += 1;
-        for slot in set_lanes(shaft.test(node)) {
+        for slot in set_lanes(shaft.test::<I::Node>(node)) {
             let child = node.children[slot];
             if !child.is_leaf() && tail < OPENED {
                 queue[tail] = child;
@@ -44,31 +44,25 @@ fn open_mesh<I: Isa>(blas: &Blas, shaft: &Shaft<I>, instance: u32, portals: &mut
     }
 }
 
-/// All portals of rays from `origin` along `direction`, `t` in (0, `t_max`), instance after instance.
+/// All portals of a group of rays, instance after instance.
 #[inline(always)]
-pub(crate) fn open<I: Isa>(
-    scene: &TraceScene,
-    origin: &Interval,
-    direction: &Interval,
-    t_max: f32,
-    portals: &mut Vec<Portal>,
-) {
+pub(crate) fn open<I: Isa>(scene: &TraceScene, group: &Group, portals: &mut Vec<Portal>) {
     portals.clear();
     let nodes = scene.tlas.nodes();
     if nodes.is_empty() {
         return;
     }
-    let shaft = Shaft::<I>::new(origin, direction, t_max, scene.tlas.bounds().max_abs());
+    let shaft = group.shaft(scene.tlas.bounds().max_abs());
     let mut todo = vec![];
     let mut next = Some(Child::ROOT);
     while let Some(at) = next {
         let node = &nodes[at.index()];
-        for slot in set_lanes(shaft.test(node)) {
+        for slot in set_lanes(shaft.test::<I::Node>(node)) {
             let child = node.children[slot];
             if child.is_leaf() {
                 let placed = &scene.placed[child.index()];
-                let shaft = enter_shaft::<I>(placed, origin, direction, t_max);
-                open_mesh(&placed.blas, &shaft, child.index() as u32, portals);
+                let shaft = enter_shaft(placed, group);
+                open_mesh::<I>(&placed.blas, &shaft, child.index() as u32, portals);
             } else {
                 todo.push(child);
             }

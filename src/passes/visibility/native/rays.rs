@@ -1,18 +1,20 @@
 //! A packet of rays: in scene space, and as an instance sees it.
 use super::super::trace_native::Ray;
 use super::instance::Placed;
-use super::shaft::Interval;
 use super::simd::{Lanes, Mask, splat3, three};
+
+/// Most rays of a packet.
+pub(crate) const LANES: usize = 32;
 
 /// One value per ray; vectors load its first lanes.
 #[derive(Clone, Copy, Debug)]
 #[repr(align(64))]
-pub(crate) struct Row(pub(crate) [f32; 16]);
+pub(crate) struct Row(pub(crate) [f32; LANES]);
 
 impl Row {
     #[inline(always)]
     fn of<P: Lanes>(value: P) -> Self {
-        let mut row = Self([0.0; 16]);
+        let mut row = Self([0.0; LANES]);
         value.store(&mut row.0);
         row
     }
@@ -53,17 +55,17 @@ pub(crate) struct Bundle {
 impl Bundle {
     /// Harmless rays, none of them active.
     pub(crate) const IDLE: Self = Self {
-        origin: [Row([0.0; 16]); 3],
-        direction: [Row([0.0; 16]), Row([0.0; 16]), Row([1.0; 16])],
-        t_min: Row([0.0; 16]),
-        t_max: Row([0.0; 16]),
+        origin: [Row([0.0; LANES]); 3],
+        direction: [Row([0.0; LANES]), Row([0.0; LANES]), Row([1.0; LANES])],
+        t_min: Row([0.0; LANES]),
+        t_max: Row([0.0; LANES]),
         active: 0,
     };
 
     /// Up to one packet of rays; the rest of the lanes idle.
     #[inline(always)]
     pub(crate) fn fill<P: Lanes>(&mut self, rays: &[Ray]) {
-        self.active = if rays.len() >= 16 { 0xffff } else { (1 << rays.len()) - 1 };
+        self.active = ((1_u64 << rays.len()) - 1) as u32;
         if rays.len() == P::N {
             // Scalar stores would stall the vector loads that follow.
             let values: &[f32] = bytemuck::cast_slice(rays);
@@ -75,7 +77,7 @@ impl Bundle {
             P::load_strided(&values[7..], 8).store(&mut self.t_max.0);
             return;
         }
-        for (lane, ray) in rays.iter().enumerate().take(16) {
+        for (lane, ray) in rays.iter().enumerate().take(LANES) {
             for axis in 0..3 {
                 self.origin[axis].0[lane] = ray.origin[axis];
                 self.direction[axis].0[lane] = ray.direction[axis];
@@ -99,23 +101,6 @@ impl Bundle {
         }
         self.active = valid.and(zero.lt(length)).bits();
     }
-}
-
-/// Smallest and largest value of each row among the lanes of `active`.
-#[inline(always)]
-pub(crate) fn interval<P: Lanes>(rows: &[Row; 3], active: u32) -> Interval {
-    let mask = P::M::from_bits(active);
-    let (above, below) = (P::splat(f32::INFINITY), P::splat(f32::NEG_INFINITY));
-    Interval {
-        lo: three!(i => P::select(mask, rows[i].get(), above).smallest()),
-        hi: three!(i => P::select(mask, rows[i].get(), below).largest()),
-    }
-}
-
-/// Largest value among the lanes of `active`.
-#[inline(always)]
-pub(crate) fn largest<P: Lanes>(row: &Row, active: u32) -> f32 {
-    P::select(P::M::from_bits(active), row.get(), P::splat(f32::NEG_INFINITY)).largest()
 }
 
 /// Component of a direction below this share of the largest one is raised to it for the box tests, so that no

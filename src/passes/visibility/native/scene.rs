@@ -2,35 +2,47 @@
 use super::super::trace_native::TraceScene;
 use super::instance::Placed;
 use super::packet::{self, Entered, Scratch, Slabs, State};
-use super::rays::{Bundle, Heading, Local, enter_direction, enter_origin, interval, largest, rows};
-use super::shaft::{Interval, Shaft};
-use super::simd::{Isa, Lanes, Mask, three};
+use super::rays::{Bundle, Heading, Local, enter_direction, enter_origin, rows};
+use super::shaft::{Cone, Interval, Shaft};
+use super::simd::{Isa, Lanes, three};
 use crate::scene::bvh::Node8;
 
 /// A packet that is ready to enter instances: what all of them need of it.
 pub(crate) struct Launch<'a> {
     pub(crate) bundle: &'a Bundle,
     pub(crate) heading: Heading,
+    /// Bounds of its rays; only where they come for free, else they cost more than they save.
+    pub(crate) group: Option<Group>,
+}
+
+/// Bounds of a group of rays.
+pub(crate) struct Group {
     pub(crate) origin: Interval,
     pub(crate) direction: Interval,
+    pub(crate) cone: Cone,
     /// Largest end of a ray.
     pub(crate) t_max: f32,
+}
+
+impl Group {
+    /// Rays from `origin` along `direction`, `t` in (0, `t_max`).
+    #[inline(always)]
+    pub(crate) fn new(origin: Interval, direction: Interval, t_max: f32) -> Self {
+        Self { origin, direction, cone: Cone::new(&direction, t_max), t_max }
+    }
+
+    /// The shaft of the group in a space that boxes fill up to `reach` from the middle.
+    #[inline(always)]
+    pub(crate) fn shaft(&self, reach: f32) -> Shaft {
+        Shaft::new(self.cone, &self.origin, reach)
+    }
 }
 
 impl<'a> Launch<'a> {
     /// Prepares a checked packet.
     #[inline(always)]
     fn new<P: Lanes>(bundle: &'a Bundle) -> Self {
-        // A shaft starts at its origin: hits behind it would be lost.
-        let behind = bundle.t_min.get::<P>().lt(P::splat(0.0)).bits() & bundle.active != 0;
-        let everywhere = Interval { lo: [f32::MIN; 3], hi: [f32::MAX; 3] };
-        Self {
-            bundle,
-            heading: Heading::new::<P>(&bundle.direction),
-            origin: interval::<P>(&bundle.origin, bundle.active),
-            direction: if behind { everywhere } else { interval::<P>(&bundle.direction, bundle.active) },
-            t_max: largest::<P>(&bundle.t_max, bundle.active),
-        }
+        Self { bundle, heading: Heading::new::<P>(&bundle.direction), group: None }
     }
 }
 
@@ -47,7 +59,7 @@ pub(crate) fn trace<I: Isa, const ANY: bool>(scene: &TraceScene, bundle: &mut Bu
     let reach = scene.tlas.bounds().max_abs();
     let local = Local::new(rows::<I::Packet>(&bundle.origin), &launch.heading, reach);
     let slabs = Slabs::<I::Packet>::new(&local, bundle.active);
-    let shaft = Shaft::<I>::new(&launch.origin, &launch.direction, launch.t_max, reach);
+    let shaft = Shaft::NONE;
     scratch.scene.clear();
     packet::descend::<I, ANY, false>(&nodes[0], &slabs, &shaft, bundle.active, &state, &mut scratch.scene);
     while let Some((child, mask)) = scratch.scene.pop::<I::Packet, ANY>(&state) {
@@ -84,7 +96,10 @@ pub(crate) fn visit<I: Isa, const ANY: bool>(
         &turned
     };
     let local = Local::new(origin, heading, placed.reach);
-    let shaft = enter_shaft(placed, &launch.origin, &launch.direction, launch.t_max);
+    let shaft = match &launch.group {
+        Some(group) if placed.blas.nodes_wide().len() > FEW_NODES => enter_shaft(placed, group),
+        _ => Shaft::NONE,
+    };
     let entered = Entered { blas: &placed.blas, local, shaft, instance: index as u32 };
     if heading.is_coherent(mask) {
         packet::traverse::<I, ANY, true>(&entered, roots, mask, state, scratch);
@@ -93,15 +108,21 @@ pub(crate) fn visit<I: Isa, const ANY: bool>(
     }
 }
 
+/// A tree of this many nodes is not worth a shaft.
+const FEW_NODES: usize = 3;
+
 /// A group of rays in the object space of an instance.
 #[inline(always)]
-pub(crate) fn enter_shaft<I: Isa>(placed: &Placed, origin: &Interval, direction: &Interval, t_max: f32) -> Shaft<I> {
+pub(crate) fn enter_shaft(placed: &Placed, group: &Group) -> Shaft {
     // Rounding is monotonic: the differences bound those of the rays.
-    let offset =
-        Interval { lo: three!(i => origin.lo[i] - placed.center[i]), hi: three!(i => origin.hi[i] - placed.center[i]) };
+    let origin = Interval {
+        lo: three!(i => group.origin.lo[i] - placed.center[i]),
+        hi: three!(i => group.origin.hi[i] - placed.center[i]),
+    };
     if placed.identity {
-        Shaft::new(&offset, direction, t_max, placed.reach)
+        Shaft::new(group.cone, &origin, placed.reach)
     } else {
-        Shaft::new(&offset.turn(&placed.rows), &direction.turn(&placed.rows), t_max, placed.reach)
+        let (origin, direction) = (origin.turn(&placed.rows), group.direction.turn(&placed.rows));
+        Group::new(origin, direction, group.t_max).shaft(placed.reach)
     }
 }

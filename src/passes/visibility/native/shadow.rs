@@ -2,8 +2,8 @@
 use super::super::trace_native::{Receiver, SampleTable, TraceScene};
 use super::packet::{Portal, Scratch, State};
 use super::portal;
-use super::rays::{Bundle, Heading, Row, rows};
-use super::scene::{Launch, trace, visit};
+use super::rays::{Bundle, Heading, LANES, Row, rows};
+use super::scene::{Group, Launch, trace, visit};
 use super::shaft::Interval;
 use super::simd::{Isa, Lanes, Mask, set_lanes, splat3, three};
 
@@ -38,7 +38,7 @@ impl Columns {
     /// Turns the rows of a table into columns, for packets of `n`.
     pub(crate) fn new(table: &SampleTable, n: usize) -> Self {
         let column = |axis: usize| {
-            let spare = std::iter::repeat_n(0.0, 16);
+            let spare = std::iter::repeat_n(0.0, LANES);
             table.points.iter().map(|p| p[axis]).chain(spare).collect()
         };
         let strata = table.strata as usize;
@@ -107,18 +107,13 @@ fn receiver_rays<I: Isa>(
     let Some(start) = columns.start(receiver) else { return 0 };
     let pattern = receiver.pattern as usize;
     let n = I::Packet::N;
-    let splat = |v: [f32; 3]| v.map(|x| Row([x; 16]));
+    let splat = |v: [f32; 3]| v.map(|x| Row([x; LANES]));
     let points = Points { normal_geo: splat(receiver.normal_geo), normal_shade: splat(receiver.normal_shade) };
     let mut bundle = Bundle { origin: splat(receiver.origin), ..Bundle::IDLE };
     let origin = Interval::point(receiver.origin);
     let mut portals = std::mem::take(&mut scratch.portals);
-    portal::open::<I>(
-        scene,
-        &origin,
-        &towards(&columns.patterns[pattern], receiver.origin),
-        columns.t_max,
-        &mut portals,
-    );
+    let all = Group::new(origin, towards(&columns.patterns[pattern], receiver.origin), columns.t_max);
+    portal::open::<I>(scene, &all, &mut portals);
     let mut rays = 0;
     for (packet, first) in (0..columns.strata).step_by(n).enumerate() {
         for axis in 0..3 {
@@ -133,7 +128,8 @@ fn receiver_rays<I: Isa>(
         rays += u64::from(visible.count_ones());
         if visible != 0 && !portals.is_empty() {
             let direction = towards(&columns.packets[pattern * columns.packets_each + packet], receiver.origin);
-            visible = through_portals::<I>(scene, &bundle, origin, direction, columns.t_max, &portals, scratch);
+            let group = Group::new(origin, direction, columns.t_max);
+            visible = through_portals::<I>(scene, &bundle, group, &portals, scratch);
         }
         bits[first / 32] |= visible << (first % 32);
     }
@@ -146,15 +142,13 @@ fn receiver_rays<I: Isa>(
 fn through_portals<I: Isa>(
     scene: &TraceScene,
     bundle: &Bundle,
-    origin: Interval,
-    direction: Interval,
-    t_max: f32,
+    group: Group,
     portals: &[Portal],
     scratch: &mut Scratch,
 ) -> u32 {
     let mut state = State::new(bundle.t_min, bundle.t_max, bundle.active);
     let heading = Heading::new::<I::Packet>(&bundle.direction);
-    let launch = Launch { bundle, heading, origin, direction, t_max };
+    let launch = Launch { bundle, heading, group: Some(group) };
     for portal in portals {
         let mask = state.alive;
         if mask == 0 {
@@ -179,7 +173,7 @@ fn few_strata<I: Isa>(
 ) -> u64 {
     let (n, strata) = (I::Packet::N, columns.strata);
     let total = receivers.len() * strata;
-    let zero = [Row([0.0; 16]); 3];
+    let zero = [Row([0.0; LANES]); 3];
     let mut points = Points { normal_geo: zero, normal_shade: zero };
     let mut bundle = Bundle::IDLE;
     let mut rays = 0;

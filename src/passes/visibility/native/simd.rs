@@ -22,7 +22,7 @@ pub(crate) trait Mask: Copy {
 pub(crate) trait Lanes:
     Copy + Add<Output = Self> + Sub<Output = Self> + Mul<Output = Self> + Div<Output = Self>
 {
-    /// Number of lanes, at most 16.
+    /// Number of lanes, at most 32.
     const N: usize;
     /// Its lane set.
     type M: Mask;
@@ -58,16 +58,12 @@ pub(crate) trait Lanes:
     fn not_gt(self, other: Self) -> Self::M;
     /// `yes` in the lanes of `mask`, else `no`.
     fn select(mask: Self::M, yes: Self, no: Self) -> Self;
-    /// Smallest value of all lanes.
-    fn smallest(self) -> f32;
-    /// Largest value of all lanes.
-    fn largest(self) -> f32;
     /// Value of one lane.
     #[inline(always)]
     fn lane(self, lane: usize) -> f32 {
-        let mut values = [0.0; 16];
+        let mut values = [0.0; 32];
         self.store(&mut values);
-        values[lane & 15]
+        values[lane & 31]
     }
 }
 

@@ -133,14 +133,6 @@ impl<const N: usize> Lanes for Array<N> {
         Self(std::array::from_fn(|i| if mask.0 >> i & 1 == 1 { yes.0[i] } else { no.0[i] }))
     }
     #[inline(always)]
-    fn smallest(self) -> f32 {
-        self.0.into_iter().fold(f32::INFINITY, f32::min)
-    }
-    #[inline(always)]
-    fn largest(self) -> f32 {
-        self.0.into_iter().fold(f32::NEG_INFINITY, f32::max)
-    }
-    #[inline(always)]
     fn lane(self, lane: usize) -> f32 {
         self.0[lane % N]
     }

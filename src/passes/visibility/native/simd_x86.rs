@@ -3,6 +3,7 @@
 //! Each method is inlined into an entry point of `dispatch` that enables the instruction set, after a run-time
 //! check of the CPU; that check is what each `SAFETY: checked` below refers to.
 use super::simd::{Isa, Lanes, Mask};
+use super::simd_pair::Pair;
 use std::arch::x86_64::*;
 use std::ops::{Add, Div, Mul, Sub};
 
@@ -104,7 +105,7 @@ impl Mask for M4 {
 /// The arithmetic of one register width: the names of the intrinsics differ by prefix only.
 macro_rules! lanes {
     ($float:ident, $mask:ident, $n:literal, $set1:ident, $load:ident, $store:ident, $add:ident, $sub:ident, $mul:ident,
-     $div:ident, $fma:ident, $fnma:ident, $fms:ident, $min:ident, $max:ident, $abs:ident, $sqrt:ident, $cmp:ident, $select:ident, $strided:ident, $least:ident, $most:ident) => {
+     $div:ident, $fma:ident, $fnma:ident, $fms:ident, $min:ident, $max:ident, $abs:ident, $sqrt:ident, $cmp:ident, $select:ident, $strided:ident) => {
         lanes!(@op $float, Add, add, $add);
         lanes!(@op $float, Sub, sub, $sub);
         lanes!(@op $float, Mul, mul, $mul);
@@ -166,16 +167,6 @@ macro_rules! lanes {
             fn select(mask: $mask, yes: Self, no: Self) -> Self {
                 // SAFETY: checked.
                 Self(unsafe { $select(no.0, yes.0, mask.0) })
-            }
-            #[inline(always)]
-            fn smallest(self) -> f32 {
-                // SAFETY: checked.
-                unsafe { $least(self.0) }
-            }
-            #[inline(always)]
-            fn largest(self) -> f32 {
-                // SAFETY: checked.
-                unsafe { $most(self.0) }
             }
         }
     };
@@ -243,105 +234,27 @@ unsafe fn strided4(from: *const f32, stride: i32) -> __m128 {
     unsafe { _mm_i32gather_ps::<4>(from, _mm_mullo_epi32(_mm_setr_epi32(0, 1, 2, 3), _mm_set1_epi32(stride))) }
 }
 
-/// Reductions of 4 and 8 lanes by halves.
-macro_rules! reduction {
-    ($four:ident, $eight:ident, $op:ident) => {
-        #[inline(always)]
-        unsafe fn $four(a: __m128) -> f32 {
-            // SAFETY: the caller has checked the CPU.
-            unsafe {
-                let b = $op(a, _mm_movehl_ps(a, a));
-                _mm_cvtss_f32($op(b, _mm_shuffle_ps::<1>(b, b)))
-            }
-        }
-        #[inline(always)]
-        unsafe fn $eight(a: __m256) -> f32 {
-            // SAFETY: the caller has checked the CPU.
-            unsafe { $four($op(_mm256_castps256_ps128(a), _mm256_extractf128_ps::<1>(a))) }
-        }
-    };
-}
-reduction!(least4, least8, _mm_min_ps);
-reduction!(most4, most8, _mm_max_ps);
-
 lanes!(
-    F32x16,
-    M16,
-    16,
-    _mm512_set1_ps,
-    _mm512_loadu_ps,
-    _mm512_storeu_ps,
-    _mm512_add_ps,
-    _mm512_sub_ps,
-    _mm512_mul_ps,
-    _mm512_div_ps,
-    _mm512_fmadd_ps,
-    _mm512_fnmadd_ps,
-    _mm512_fmsub_ps,
-    _mm512_min_ps,
-    _mm512_max_ps,
-    _mm512_abs_ps,
-    _mm512_sqrt_ps,
-    _mm512_cmp_ps_mask,
-    select16,
-    strided16,
-    _mm512_reduce_min_ps,
-    _mm512_reduce_max_ps
+    F32x16, M16, 16, _mm512_set1_ps, _mm512_loadu_ps, _mm512_storeu_ps, _mm512_add_ps, _mm512_sub_ps, _mm512_mul_ps,
+    _mm512_div_ps, _mm512_fmadd_ps, _mm512_fnmadd_ps, _mm512_fmsub_ps, _mm512_min_ps, _mm512_max_ps, _mm512_abs_ps, _mm512_sqrt_ps,
+    _mm512_cmp_ps_mask, select16, strided16
 );
 lanes!(
-    F32x8,
-    M8,
-    8,
-    _mm256_set1_ps,
-    _mm256_loadu_ps,
-    _mm256_storeu_ps,
-    _mm256_add_ps,
-    _mm256_sub_ps,
-    _mm256_mul_ps,
-    _mm256_div_ps,
-    _mm256_fmadd_ps,
-    _mm256_fnmadd_ps,
-    _mm256_fmsub_ps,
-    _mm256_min_ps,
-    _mm256_max_ps,
-    abs8,
-    _mm256_sqrt_ps,
-    _mm256_cmp_ps,
-    _mm256_blendv_ps,
-    strided8,
-    least8,
-    most8
+    F32x8, M8, 8, _mm256_set1_ps, _mm256_loadu_ps, _mm256_storeu_ps, _mm256_add_ps, _mm256_sub_ps, _mm256_mul_ps,
+    _mm256_div_ps, _mm256_fmadd_ps, _mm256_fnmadd_ps, _mm256_fmsub_ps, _mm256_min_ps, _mm256_max_ps, abs8, _mm256_sqrt_ps,
+    _mm256_cmp_ps, _mm256_blendv_ps, strided8
 );
 lanes!(
-    F32x4,
-    M4,
-    4,
-    _mm_set1_ps,
-    _mm_loadu_ps,
-    _mm_storeu_ps,
-    _mm_add_ps,
-    _mm_sub_ps,
-    _mm_mul_ps,
-    _mm_div_ps,
-    _mm_fmadd_ps,
-    _mm_fnmadd_ps,
-    _mm_fmsub_ps,
-    _mm_min_ps,
-    _mm_max_ps,
-    abs4,
-    _mm_sqrt_ps,
-    _mm_cmp_ps,
-    _mm_blendv_ps,
-    strided4,
-    least4,
-    most4
+    F32x4, M4, 4, _mm_set1_ps, _mm_loadu_ps, _mm_storeu_ps, _mm_add_ps, _mm_sub_ps, _mm_mul_ps, _mm_div_ps,
+    _mm_fmadd_ps, _mm_fnmadd_ps, _mm_fmsub_ps, _mm_min_ps, _mm_max_ps, abs4, _mm_sqrt_ps, _mm_cmp_ps, _mm_blendv_ps,
+    strided4
 );
 
 /// AVX-512 F, BW, DQ, VL: packets of 16 rays.
 pub(crate) struct Avx512;
 
 impl Isa for Avx512 {
-    type Packet = F32x16;
+    type Packet = Pair<F32x16>;
     type Node = F32x8;
     type Block = F32x4;
 }
