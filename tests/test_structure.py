@@ -29,7 +29,7 @@ from miplight._table import KNOBS, PRESETS
 LIMITS = {".rs": 400, ".py": 400, ".wgsl": 250}
 FUNCTION_LIMIT = 60
 # Rust files beside the passes that are no passes: what they share, and the inside of the native trace.
-NO_PASS = {"mod", "arena", "scene_buffers", "trace_native"}
+NO_PASS = {"mod", "arena", "scene_buffers", "placed", "trace_native", "trace_wgsl", "tree_upload"}
 
 
 @pytest.mark.parametrize("path", files(*LIMITS), ids=named)
