@@ -8,9 +8,9 @@ mod trace_common;
 use glam::{Affine3A, DVec3, Vec3};
 use miplight::error::Error;
 use miplight::gpu::{Gpu, Usage, never};
+use miplight::passes::visibility::shadow::ShadowLight;
 use miplight::passes::visibility::trace::{Form, Tracer};
 use miplight::passes::visibility::trace_native::{Hit, Ray, Receiver, TraceInstance};
-use miplight::passes::visibility::shadow::ShadowLight;
 use std::sync::OnceLock;
 use trace_common::{Mesh, Object, Random, brute_force, cube, grid, instances, places, ray, soup, sphere};
 

@@ -158,7 +158,12 @@ impl WgslTrace {
     }
 
     /// A pass with the trees and the counter bound.
-    pub(super) fn pass<'r, 'a>(&'r self, recorder: &'r mut Recorder<'a>, stage: &str, kernel: &'r Kernel) -> Result<Pass<'r, 'a>> {
+    pub(super) fn pass<'r, 'a>(
+        &'r self,
+        recorder: &'r mut Recorder<'a>,
+        stage: &str,
+        kernel: &'r Kernel,
+    ) -> Result<Pass<'r, 'a>> {
         Ok(recorder
             .pass(stage, kernel)
             .bind("top_nodes", &self.top_nodes)
