@@ -9,9 +9,9 @@ use std::time::Instant;
 use glam::{Affine3A, Vec3};
 use miplight::error::Result;
 use miplight::gpu::{Gpu, Usage, never};
+use miplight::passes::visibility::shadow::ShadowLight;
 use miplight::passes::visibility::trace::{Form, Tracer};
 use miplight::passes::visibility::trace_native::{Hit, Ray, Receiver, TraceInstance};
-use miplight::passes::visibility::trace_wgsl::ShadowLight;
 use miplight::scene::bvh::Blas;
 
 const SIZE: usize = 256;

@@ -15,7 +15,7 @@ struct Node {
     count: u32, // triangles of a leaf; 0: inner
 }
 
-struct Instance {
+struct Placed {
     row_x: vec3<f32>, // linear part of object_from_scene, by rows
     node: u32,        // root in mesh_nodes; children count from it
     row_y: vec3<f32>,
@@ -40,7 +40,7 @@ struct TopLevel {
 }
 
 @group(1) @binding(0) var<storage, read> top_nodes: array<Node>;
-@group(1) @binding(1) var<storage, read> instances: array<Instance>;
+@group(1) @binding(1) var<storage, read> instances: array<Placed>;
 @group(1) @binding(2) var<storage, read> mesh_nodes: array<Node>;
 @group(1) @binding(3) var<storage, read> triangles: array<Triangle>;
 @group(1) @binding(4) var<uniform> top_level: TopLevel;
@@ -103,97 +103,125 @@ fn active_ray(ray: Ray) -> bool {
     return usable(ray.origin) && usable(ray.direction) && any(ray.direction != vec3<f32>(0.0)) && ray.t_min < ray.t_max;
 }
 
-fn rotate(v: vec3<f32>, instance: Instance) -> vec3<f32> {
-    let x = fma(v.x, instance.row_x.x, fma(v.y, instance.row_x.y, v.z * instance.row_x.z));
-    let y = fma(v.x, instance.row_y.x, fma(v.y, instance.row_y.y, v.z * instance.row_y.z));
-    let z = fma(v.x, instance.row_z.x, fma(v.y, instance.row_z.y, v.z * instance.row_z.z));
+fn rotate(v: vec3<f32>, placed: Placed) -> vec3<f32> {
+    let x = fma(v.x, placed.row_x.x, fma(v.y, placed.row_x.y, v.z * placed.row_x.z));
+    let y = fma(v.x, placed.row_y.x, fma(v.y, placed.row_y.y, v.z * placed.row_y.z));
+    let z = fma(v.x, placed.row_z.x, fma(v.y, placed.row_z.y, v.z * placed.row_z.z));
     return vec3<f32>(x, y, z);
 }
 
-// What the ray goes to next: a child as the stack keeps it. TOP, the triangle count and the first child or triangle.
+// A ray on its way: the space that it is in, what it has met, and what is left to visit.
+struct Walk {
+    local: Local,
+    shear: Shear,
+    hit: Hit,
+    instance: u32,
+    mesh_node: u32,     // first node and first triangle of the mesh that it is in
+    mesh_triangle: u32,
+    depth: u32,
+    stack: array<u32, STACK>,
+}
+
+// A node as the stack keeps it: what the next step needs, without loading it again.
 fn packed(node: Node, top: u32) -> u32 {
     return top | (node.count << COUNT_SHIFT) | node.first;
 }
 
+fn push(walk: ptr<function, Walk>, entry: u32) {
+    (*walk).stack[(*walk).depth] = entry;
+    (*walk).depth++;
+}
+
+// The nearer of two children that the ray enters, the other one on the stack; LEAVE when it enters none.
+fn descend(walk: ptr<function, Walk>, start: f32, top: u32, first: u32) -> u32 {
+    var left: Node;
+    var right: Node;
+    if top != 0u {
+        left = top_nodes[first];
+        right = top_nodes[first + 1u];
+    } else {
+        left = mesh_nodes[(*walk).mesh_node + first];
+        right = mesh_nodes[(*walk).mesh_node + first + 1u];
+    }
+    let to_left = enter_box(left, (*walk).local, start, (*walk).hit.t);
+    let to_right = enter_box(right, (*walk).local, start, (*walk).hit.t);
+    let swap = to_right < to_left;
+    if max(to_left, to_right) < FAR {
+        push(walk, select(packed(right, top), packed(left, top), swap));
+    }
+    let near = select(packed(left, top), packed(right, top), swap);
+    return select(LEAVE, near, min(to_left, to_right) < FAR);
+}
+
+// Takes the ray into an instance; returns the root of its mesh.
+fn enter_mesh(walk: ptr<function, Walk>, ray: Ray, slot: u32) -> u32 {
+    let placed = instances[slot];
+    var direction = ray.direction;
+    var origin = ray.origin - placed.center;
+    if placed.reach >= 0.0 {
+        direction = rotate(direction, placed);
+        origin = rotate(origin, placed);
+    }
+    (*walk).local = local_ray(origin, direction, abs(placed.reach));
+    (*walk).shear = shear_of(direction);
+    (*walk).instance = placed.id;
+    (*walk).mesh_node = placed.node;
+    (*walk).mesh_triangle = placed.triangle;
+    push(walk, LEAVE);
+    return packed(mesh_nodes[placed.node], 0u);
+}
+
+fn test_triangles(walk: ptr<function, Walk>, t_min: f32, first: u32, count: u32) {
+    let instance = (*walk).instance;
+    let origin = (*walk).local.origin;
+    for (var i = 0u; i < count; i++) {
+        let t = triangles[(*walk).mesh_triangle + first + i];
+        let c = cross_triangle(t.a - origin, t.b - origin, t.c - origin, (*walk).shear);
+        let best = (*walk).hit;
+        let tie = c.t == best.t && best.instance != MISS
+            && (instance < best.instance || (instance == best.instance && t.id < best.triangle));
+        if c.hit && c.t > t_min && (c.t < best.t || tie) {
+            (*walk).hit = Hit(c.t, c.u, c.v, instance, t.id);
+        }
+    }
+}
+
 // What an active ray meets first; with `first_found`, any hit as soon as there is one.
 fn trace_ray(ray: Ray, first_found: bool) -> Hit {
-    var hit = Hit(min(ray.t_max, FAR), 0.0, 0.0, MISS, MISS);
+    var walk: Walk;
+    walk.hit = Hit(min(ray.t_max, FAR), 0.0, 0.0, MISS, MISS);
     if top_level.nodes == 0u {
-        return hit;
+        return walk.hit;
     }
     let reach = max(abs(top_nodes[0].lo), abs(top_nodes[0].hi));
     let scene = local_ray(ray.origin, ray.direction, max(max(reach.x, reach.y), reach.z));
-    var local = scene;
-    var shear = Shear();
-    var instance = 0u;
-    var mesh = vec2<u32>(0u); // first node and first triangle of the mesh
-    var stack: array<u32, STACK>;
-    var depth = 0u;
+    walk.local = scene;
     var at = packed(top_nodes[0], TOP);
     loop {
         let top = at & TOP;
         let count = (at >> COUNT_SHIFT) & COUNT_MASK;
         let first = at & FIRST_MASK;
-        var next = LEAVE;
+        at = LEAVE;
         if count == 0u {
-            var left: Node;
-            var right: Node;
-            if top != 0u {
-                left = top_nodes[first];
-                right = top_nodes[first + 1u];
-            } else {
-                left = mesh_nodes[mesh.x + first];
-                right = mesh_nodes[mesh.x + first + 1u];
-            }
-            let to_left = enter_box(left, local, ray.t_min, hit.t);
-            let to_right = enter_box(right, local, ray.t_min, hit.t);
-            let swap = to_right < to_left;
-            let near = select(packed(left, top), packed(right, top), swap);
-            if max(to_left, to_right) < FAR {
-                stack[depth] = select(packed(right, top), packed(left, top), swap);
-                depth++;
-            }
-            next = select(LEAVE, near, min(to_left, to_right) < FAR);
+            at = descend(&walk, ray.t_min, top, first);
         } else if top != 0u {
-            let placed = instances[first];
-            instance = placed.id;
-            mesh = vec2<u32>(placed.node, placed.triangle);
-            var direction = ray.direction;
-            var origin = ray.origin - placed.center;
-            if placed.reach >= 0.0 {
-                direction = rotate(direction, placed);
-                origin = rotate(origin, placed);
-            }
-            local = local_ray(origin, direction, abs(placed.reach));
-            shear = shear_of(direction);
-            stack[depth] = LEAVE;
-            depth++;
-            next = packed(mesh_nodes[mesh.x], 0u);
+            at = enter_mesh(&walk, ray, first);
         } else {
-            for (var i = 0u; i < count; i++) {
-                let t = triangles[mesh.y + first + i];
-                let c = cross_triangle(t.a - local.origin, t.b - local.origin, t.c - local.origin, shear);
-                let tie = c.t == hit.t && hit.instance != MISS
-                    && (instance < hit.instance || (instance == hit.instance && t.id < hit.triangle));
-                if c.hit && c.t > ray.t_min && (c.t < hit.t || tie) {
-                    hit = Hit(c.t, c.u, c.v, instance, t.id);
-                }
-            }
-            if first_found && hit.instance != MISS {
-                return hit;
+            test_triangles(&walk, ray.t_min, first, count);
+            if first_found && walk.hit.instance != MISS {
+                return walk.hit;
             }
         }
-        while next == LEAVE {
-            if depth == 0u {
-                return hit;
+        while at == LEAVE {
+            if walk.depth == 0u {
+                return walk.hit;
             }
-            depth--;
-            next = stack[depth];
-            if next == LEAVE {
-                local = scene;
+            walk.depth--;
+            at = walk.stack[walk.depth];
+            if at == LEAVE {
+                walk.local = scene;
             }
         }
-        at = next;
     }
-    return hit;
+    return walk.hit;
 }

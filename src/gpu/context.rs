@@ -310,6 +310,13 @@ impl Gpu {
         &self.0.queue
     }
 
+    /// Notes what an item of a kernel costs. Times below a millisecond say more about starting a pass than about items.
+    pub(crate) fn learn(&self, kernel: &str, items: u64, ms: f64) {
+        if ms >= 1.0 && items > 0 {
+            lock(&self.0.rates).insert(kernel.to_string(), ms * 1e6 / items as f64);
+        }
+    }
+
     pub(crate) fn shared(&self) -> &Shared {
         &self.0
     }

@@ -27,7 +27,7 @@ pub struct Kernel {
 }
 
 impl Kernel {
-    /// `file::entry`, as errors name it.
+    /// `file::entry (OVERRIDE=value)`, as errors name it.
     pub fn label(&self) -> &str {
         &self.label
     }
@@ -80,7 +80,9 @@ impl Gpu {
     fn make_kernel(&self, stem: &str, text: Option<&str>, entry: &str, overrides: &[(&str, f64)]) -> Result<Kernel> {
         let compiled = shader::compile(stem, text)?;
         let reflection = Reflection::of(&compiled, entry, overrides)?;
-        let label = format!("{stem}::{entry}");
+        let set: Vec<String> = overrides.iter().map(|(name, value)| format!("{name}={value}")).collect();
+        let set = if set.is_empty() { String::new() } else { format!(" ({})", set.join(", ")) };
+        let label = format!("{stem}::{entry}{set}");
         let threads = reflection.threads();
         let most = self.limits().max_compute_invocations_per_workgroup;
         if threads > most {

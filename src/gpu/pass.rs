@@ -41,6 +41,8 @@ pub struct Pass<'r, 'a> {
     pub(crate) stage: String,
     pub(crate) kernel: &'r Kernel,
     pub(crate) bound: Vec<(String, Bound<'r>)>,
+    /// Items whose time the next prediction may use.
+    work: Option<u64>,
 }
 
 /// Workgroups along x and y for `groups` of them, none above `most`.
@@ -56,7 +58,7 @@ pub(crate) fn fold(groups: u64, most: u32) -> Option<[u32; 2]> {
 
 impl<'r, 'a> Pass<'r, 'a> {
     pub(crate) fn new(recorder: &'r mut Recorder<'a>, stage: String, kernel: &'r Kernel) -> Self {
-        Self { recorder, stage, kernel, bound: Vec::new() }
+        Self { recorder, stage, kernel, bound: Vec::new(), work: None }
     }
 
     /// Binds a buffer, or a part of one, to the variable `name` of the shader.
@@ -129,6 +131,7 @@ impl<'r, 'a> Pass<'r, 'a> {
                 self.recorder.check_cancel()?;
             }
             self.recorder.predicted_ns += predicted;
+            self.work = Some(items as u64);
             return self.piece(0, items as u64);
         }
         self.recorder.flush()?;
@@ -182,9 +185,10 @@ impl<'r, 'a> Pass<'r, 'a> {
         let gpu = self.recorder.gpu.clone();
         let stage = self.stage.clone();
         let started = Instant::now();
+        let work = self.work.map(|items| (kernel.label().to_string(), items));
         let (encoder, clock) = self.recorder.parts();
         gpu.scoped(&format!("pass {stage:?}"), || {
-            let timestamp_writes = clock.pass(&stage);
+            let timestamp_writes = clock.pass(&stage, work);
             let descriptor = wgpu::ComputePassDescriptor { label: Some(&stage), timestamp_writes };
             let mut pass = encoder.begin_compute_pass(&descriptor);
             pass.set_pipeline(&kernel.pipeline);

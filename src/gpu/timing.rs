@@ -83,13 +83,20 @@ impl QueryPool {
     }
 }
 
+/// A pass whose timestamps are not read yet.
+struct Timed {
+    stage: String,
+    /// Kernel and items, where a later prediction can use the time.
+    work: Option<(String, u64)>,
+}
+
 /// Collects the times of one recording.
 pub(crate) struct Clock {
     started: Instant,
     times: Times,
     set: Option<QuerySet>,
-    /// Stage of each pair of queries written since the last reading.
-    pending: Vec<String>,
+    /// For each pair of queries written since the last reading.
+    pending: Vec<Timed>,
     ns_per_tick: f64,
 }
 
@@ -121,13 +128,17 @@ impl Clock {
         self.pending.len() >= PASSES
     }
 
-    /// Timestamps for a pass of that stage.
-    pub(crate) fn pass(&mut self, stage: &str) -> Option<wgpu::ComputePassTimestampWrites<'_>> {
+    /// Timestamps for a pass of that stage; `work` names the kernel and its items, where the time teaches something.
+    pub(crate) fn pass(
+        &mut self,
+        stage: &str,
+        work: Option<(String, u64)>,
+    ) -> Option<wgpu::ComputePassTimestampWrites<'_>> {
         // The order of first use is that of recording, not of reading.
         self.times.add(stage, 0.0);
         let set = self.set.as_ref()?;
         let first = 2 * self.pending.len() as u32;
-        self.pending.push(stage.to_string());
+        self.pending.push(Timed { stage: stage.to_string(), work });
         Some(wgpu::ComputePassTimestampWrites {
             query_set: &set.set,
             beginning_of_pass_write_index: Some(first),
@@ -158,9 +169,12 @@ impl Clock {
         let read = set.landed.get_mapped_range(0..bytes).map(|view| bytemuck::pod_collect_to_vec::<u8, u64>(&view));
         set.landed.unmap();
         let read = read.map_err(|e| crate::error::Error::Device(format!("reading timestamps: {e}")))?;
-        for (stage, pair) in self.pending.iter().zip(read.chunks_exact(2)) {
+        for (Timed { stage, work }, pair) in self.pending.iter().zip(read.chunks_exact(2)) {
             let ms = pair[1].saturating_sub(pair[0]) as f64 * self.ns_per_tick * 1e-6;
             self.times.add(stage, ms);
+            if let Some((kernel, items)) = work {
+                gpu.learn(kernel, *items, ms);
+            }
         }
         self.pending.clear();
         Ok(())

@@ -8,7 +8,7 @@ use miplight::gpu::{Usage, never};
 
 #[path = "gpu_common.rs"]
 mod common;
-use common::{NUMBER, alone, device, kernel, message};
+use common::{HEAD, NUMBER, alone, device, kernel, message};
 
 #[test]
 fn wrong_bindings_are_named() {
@@ -143,6 +143,29 @@ fn long_work_is_cut_and_can_be_cancelled() {
     let mut recorder = gpu.record(never()).unwrap();
     recorder.pass("slow", &kernel).bind("out", &out).dispatch(64).unwrap();
     recorder.finish().unwrap();
+}
+
+#[test]
+fn predictions_learn_from_work_that_was_not_cut() {
+    let _alone = alone();
+    let gpu = device();
+    // Another name, so that nothing is known of its cost; the estimate is a thousand times too low.
+    let kernel = gpu.kernel_from_text("tests/learn", &format!("{HEAD}{SLOW}"), "main", &[]).unwrap();
+    let count = 400_000;
+    let out = gpu.buffer::<u32>("out", count, Usage::Storage).unwrap();
+    let mut pieces = Vec::new();
+    for _ in 0..2 {
+        let asked = AtomicUsize::new(0);
+        let ask = || {
+            asked.fetch_add(1, Ordering::Relaxed);
+            false
+        };
+        let mut recorder = gpu.record(&ask).unwrap();
+        recorder.pass("slow", &kernel).bind("out", &out).dispatch_cut(count, 1e-3).unwrap();
+        recorder.finish().unwrap();
+        pieces.push(asked.load(Ordering::Relaxed));
+    }
+    assert!(pieces[0] <= 2 && pieces[1] >= 4, "asked {pieces:?} times");
 }
 
 #[test]

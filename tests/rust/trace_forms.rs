@@ -8,9 +8,9 @@ mod trace_common;
 use glam::{Affine3A, DVec3, Vec3};
 use miplight::error::Error;
 use miplight::gpu::{Gpu, Usage, never};
+use miplight::passes::visibility::shadow::ShadowLight;
 use miplight::passes::visibility::trace::{Form, Tracer};
 use miplight::passes::visibility::trace_native::{Hit, Ray, Receiver, TraceInstance};
-use miplight::passes::visibility::trace_wgsl::ShadowLight;
 use std::sync::OnceLock;
 use trace_common::{Mesh, Object, Random, brute_force, cube, grid, instances, places, ray, soup, sphere};
 
@@ -360,7 +360,8 @@ fn lists_are_traced_from_any_tile() {
 fn twins_have_the_same_layout() {
     use miplight::gpu::layout::{same, shader_layout};
     use miplight::host_layout;
-    use miplight::passes::visibility::trace_wgsl::{InstanceRecord, ShadowParams, TopLevel, TriangleRecord};
+    use miplight::passes::visibility::shadow::ShadowParams;
+    use miplight::passes::visibility::trace_wgsl::{PlacedRecord, TopLevel, TriangleRecord};
     use miplight::scene::bvh::Node2;
     let twin = |host: &miplight::gpu::layout::Layout, stem: &str, name: &str| {
         same(host, &shader_layout(stem, name).unwrap()).unwrap_or_else(|e| panic!("{e}"));
@@ -371,8 +372,8 @@ fn twins_have_the_same_layout() {
     twin(&receiver, "common/ray", "Receiver");
     twin(&host_layout!(Node2 { lo, first, hi, count }), "common/bvh", "Node");
     twin(&host_layout!(TriangleRecord { a, id, b, pad_b, c, pad_c }), "common/bvh", "Triangle");
-    let instance = host_layout!(InstanceRecord { row_x, node, row_y, triangle, row_z, id, center, reach });
-    twin(&instance, "common/bvh", "Instance");
+    let instance = host_layout!(PlacedRecord { row_x, node, row_y, triangle, row_z, id, center, reach });
+    twin(&instance, "common/bvh", "Placed");
     twin(&host_layout!(TopLevel { nodes }), "common/bvh", "TopLevel");
     let params = host_layout!(ShadowParams {
         light_normal,

@@ -10,7 +10,7 @@ use crate::error::Result;
 use crate::gpu::Buffer;
 use crate::passes::lights::light_samples;
 use crate::passes::visibility::Receiver;
-use crate::passes::visibility::trace_wgsl::ShadowLight;
+use crate::passes::visibility::shadow::ShadowLight;
 use crate::passes::{Context, GBuffer, TILE_PIXELS};
 
 /// Rays that the native trace answers in about 0.1 s on two cores; a GPU takes more at once.

@@ -2,6 +2,7 @@
 
 mod native;
 pub mod placed;
+pub mod shadow;
 pub mod trace;
 pub mod trace_native;
 pub mod trace_wgsl;

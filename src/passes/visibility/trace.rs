@@ -6,8 +6,8 @@ use std::time::Instant;
 
 use rayon::prelude::*;
 
-use super::trace_native::{Hit, Ray, Receiver, SampleTable, TraceInstance, TraceScene};
-use super::trace_wgsl::{ShadowLight, WgslTrace};
+use super::trace_native::{Hit, Ray, TraceInstance, TraceScene};
+use super::trace_wgsl::WgslTrace;
 use crate::error::{Error, Result};
 use crate::gpu::{Buffer, Cancel, Gpu, Recorder};
 
@@ -22,14 +22,16 @@ pub enum Form {
 
 /// Answers rays in the form that suits the adapter.
 pub struct Tracer {
-    scene: TraceScene,
-    wgsl: Option<WgslTrace>,
+    pub(super) scene: TraceScene,
+    pub(super) wgsl: Option<WgslTrace>,
 }
 
+/// Native work is cut by [`pieces`], never inside.
+pub(super) static GO_ON: AtomicBool = AtomicBool::new(false);
 /// Native work between two questions whether to go on takes about this long, seconds.
 const PIECE_S: f64 = 0.05;
 /// First piece, rays: some milliseconds.
-const FIRST_RAYS: usize = 1 << 15;
+pub(super) const FIRST_RAYS: usize = 1 << 15;
 /// Pieces share no word of bits and split well over the cores.
 const ALIGN: usize = 4096;
 
@@ -93,7 +95,7 @@ impl Tracer {
             let rays = gpu.view(rays, range.clone())?;
             let mut answers = gpu.view_mut(hits, range.clone())?;
             pieces(cancel, range.len(), FIRST_RAYS, ALIGN, |part| {
-                self.scene.closest(&rays[part.clone()], &mut answers[part], &AtomicBool::new(false));
+                self.scene.closest(&rays[part.clone()], &mut answers[part], &GO_ON);
             })?;
             answers.commit(gpu)?;
             Ok(active(&rays))
@@ -121,51 +123,10 @@ impl Tracer {
             let mut answers = gpu.view_mut(occluded, range.start / 32..range.end.div_ceil(32))?;
             pieces(cancel, range.len(), FIRST_RAYS, ALIGN, |part| {
                 let words = part.start / 32..part.end.div_ceil(32);
-                self.scene.any(&rays[part], &mut answers[words], &AtomicBool::new(false));
+                self.scene.any(&rays[part], &mut answers[words], &GO_ON);
             })?;
             answers.commit(gpu)?;
             Ok(active(&rays))
-        })
-    }
-
-    /// Which samples of a light the receivers of `range` see, [`ShadowLight::words`] words a receiver. As
-    /// [`Tracer::closest`] otherwise; `range` starts at a multiple of 64.
-    ///
-    /// # Errors
-    /// `Device`, `Cancelled`.
-    pub fn shadow(
-        &self,
-        recorder: &mut Recorder<'_>,
-        stage: &str,
-        receivers: &Buffer<Receiver>,
-        light: &ShadowLight<'_>,
-        visibility: &Buffer<u32>,
-        range: Range<usize>,
-    ) -> Result<u64> {
-        if let Some(wgsl) = &self.wgsl {
-            return wgsl.shadow(recorder, stage, receivers, light, visibility, range).map(|()| 0);
-        }
-        let words = light.words();
-        recorder.host(stage, |gpu, cancel| {
-            let points = gpu.view(light.points, 0..light.points.len())?;
-            let receivers = gpu.view(receivers, range.clone())?;
-            let mut answers = gpu.view_mut(visibility, range.start * words..range.end * words)?;
-            let table = SampleTable {
-                points: &points,
-                strata: light.strata,
-                light_normal: light.light_normal,
-                two_sided: light.two_sided,
-                cone_axis: light.cone_axis,
-                cos_cutoff: light.cos_cutoff,
-            };
-            let first = (FIRST_RAYS / light.strata.max(1) as usize).max(64);
-            let mut traced = 0;
-            pieces(cancel, range.len(), first, 64, |part| {
-                let bits = &mut answers[part.start * words..part.end * words];
-                traced += self.scene.shadow(&receivers[part], &table, bits, &AtomicBool::new(false));
-            })?;
-            answers.commit(gpu)?;
-            Ok(traced)
         })
     }
 
@@ -180,7 +141,7 @@ impl Tracer {
 }
 
 /// Runs `work` over `0..count` in pieces of about [`PIECE_S`], and asks before each whether to go on.
-fn pieces(
+pub(super) fn pieces(
     cancel: Cancel<'_>,
     count: usize,
     first: usize,

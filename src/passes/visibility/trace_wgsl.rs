@@ -7,7 +7,7 @@ use std::sync::Arc;
 
 use bytemuck::{Pod, Zeroable};
 
-use super::trace_native::{Hit, Ray, Receiver, TraceScene};
+use super::trace_native::{Hit, Ray, TraceScene};
 use super::tree_upload::{self, MESH_LEVELS, TOP_LEVELS};
 use crate::error::Result;
 use crate::gpu::{Buffer, Gpu, Kernel, Pass, Recorder, Usage};
@@ -32,10 +32,10 @@ pub struct TriangleRecord {
     pub pad_c: u32,
 }
 
-/// Twin of `Instance` in `shaders/common/bvh.wgsl`.
+/// Twin of `Placed` in `shaders/common/bvh.wgsl`.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, PartialEq, Pod, Zeroable)]
-pub struct InstanceRecord {
+pub struct PlacedRecord {
     /// Linear part of `object_from_scene`, first row.
     pub row_x: [f32; 3],
     /// Root of its mesh.
@@ -62,52 +62,6 @@ pub struct TopLevel {
     pub nodes: u32,
 }
 
-/// Twin of `ShadowParams` in `shaders/passes/visibility/shadow.wgsl`.
-#[repr(C)]
-#[derive(Clone, Copy, Debug, Pod, Zeroable)]
-pub struct ShadowParams {
-    /// Unit normal of the light.
-    pub light_normal: [f32; 3],
-    /// 1: both sides emit.
-    pub two_sided: u32,
-    /// Unit axis of the cone, away from the light.
-    pub cone_axis: [f32; 3],
-    /// Cosine of the cone's half-angle; -1 and below: no cone.
-    pub cos_cutoff: f32,
-    /// Receivers of the list.
-    pub receivers: u32,
-    /// Samples of a pattern.
-    pub strata: u32,
-    /// Patterns of the table.
-    pub patterns: u32,
-    /// Words of bits a receiver.
-    pub words: u32,
-}
-
-/// Samples of one light on the device; see [`super::trace_native::SampleTable`].
-#[derive(Clone, Copy, Debug)]
-pub struct ShadowLight<'a> {
-    /// Patterns × strata: a scene-space point on the light, and the largest `t` (just under 1).
-    pub points: &'a Buffer<[f32; 4]>,
-    /// Samples of a pattern.
-    pub strata: u32,
-    /// Unit normal of the light.
-    pub light_normal: [f32; 3],
-    /// Both sides emit; also true for spots.
-    pub two_sided: bool,
-    /// Unit axis of the cone, away from the light.
-    pub cone_axis: [f32; 3],
-    /// Cosine of the cone's half-angle; -2: no cone.
-    pub cos_cutoff: f32,
-}
-
-impl ShadowLight<'_> {
-    /// Words of visibility bits that a receiver has.
-    pub fn words(&self) -> usize {
-        (self.strata as usize).div_ceil(32)
-    }
-}
-
 /// First guess of the cost of a ray, nanoseconds; measured afterwards.
 const SOFTWARE_NS: f64 = 500.0;
 const DEVICE_NS: f64 = 5.0;
@@ -122,10 +76,11 @@ pub struct WgslTrace {
     /// Meshes on the device, by address: held, so that no other can take its address.
     held: BTreeMap<u64, Arc<Blas>>,
     top_nodes: Buffer<Node2>,
-    instances: Buffer<InstanceRecord>,
+    instances: Buffer<PlacedRecord>,
     top_level: TopLevel,
     counter: Buffer<u32>,
-    ns_per_ray: f64,
+    /// Before a kernel is measured.
+    pub(super) ns_per_ray: f64,
 }
 
 fn address(blas: &Arc<Blas>) -> u64 {
@@ -183,12 +138,12 @@ impl WgslTrace {
         Ok(sent)
     }
 
-    fn instance_records(&self, scene: &TraceScene) -> Vec<InstanceRecord> {
+    fn instance_records(&self, scene: &TraceScene) -> Vec<PlacedRecord> {
         let record = |&id: &u32| {
             let placed = &scene.placed[id as usize];
             let mesh = address(&placed.blas);
             let [row_x, row_y, row_z] = placed.rows;
-            InstanceRecord {
+            PlacedRecord {
                 row_x,
                 node: self.nodes.first(mesh),
                 row_y,
@@ -202,7 +157,13 @@ impl WgslTrace {
         scene.tlas.order().iter().map(record).collect()
     }
 
-    fn pass<'r, 'a>(&'r self, recorder: &'r mut Recorder<'a>, stage: &str, kernel: &'r Kernel) -> Result<Pass<'r, 'a>> {
+    /// A pass with the trees and the counter bound.
+    pub(super) fn pass<'r, 'a>(
+        &'r self,
+        recorder: &'r mut Recorder<'a>,
+        stage: &str,
+        kernel: &'r Kernel,
+    ) -> Result<Pass<'r, 'a>> {
         Ok(recorder
             .pass(stage, kernel)
             .bind("top_nodes", &self.top_nodes)
@@ -259,45 +220,6 @@ impl WgslTrace {
                 .dispatch_cut(tile.len(), self.ns_per_ray)?;
         }
         Ok(())
-    }
-
-    /// Which samples of a light the receivers of `range` see, [`ShadowLight::words`] words a receiver; `range` starts
-    /// at a multiple of 64.
-    ///
-    /// # Errors
-    /// `Device`, `Cancelled`.
-    pub fn shadow(
-        &self,
-        recorder: &mut Recorder<'_>,
-        stage: &str,
-        receivers: &Buffer<Receiver>,
-        light: &ShadowLight<'_>,
-        visibility: &Buffer<u32>,
-        range: Range<usize>,
-    ) -> Result<()> {
-        if range.is_empty() || light.strata == 0 {
-            return Ok(());
-        }
-        let gpu = recorder.gpu().clone();
-        let kernel = gpu.kernel("passes/visibility/shadow", "main", &[])?;
-        let words = light.words();
-        let params = ShadowParams {
-            light_normal: light.light_normal,
-            two_sided: u32::from(light.two_sided),
-            cone_axis: light.cone_axis,
-            cos_cutoff: light.cos_cutoff,
-            receivers: range.len() as u32,
-            strata: light.strata,
-            patterns: light.points.len() as u32 / light.strata,
-            words: words as u32,
-        };
-        let rays_an_item = f64::from(light.strata.min(32));
-        self.pass(recorder, stage, &kernel)?
-            .uniform("params", &params)
-            .bind("points", light.points)
-            .bind("receivers", receivers.range(&gpu, range.clone())?)
-            .bind("visibility", visibility.range(&gpu, range.start * words..range.end * words)?)
-            .dispatch_cut(range.len() * words, self.ns_per_ray * rays_an_item)
     }
 
     /// Rays traced since the last call; waits for the device.

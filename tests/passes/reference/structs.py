@@ -71,6 +71,31 @@ LIGHT_SAMPLES = np.dtype(
 )
 RECEIVERS = np.dtype(_fields("width", "height", "first", "patterns", "seed", "pad0", "pad1", "pad2"))
 GATHER = np.dtype(_fields("strata", "words", "light", "pad"))
+NODE = np.dtype([("lo", "<f4", 3), ("first", "<u4"), ("hi", "<f4", 3), ("count", "<u4")])
+TRIANGLE = np.dtype(
+    [("a", "<f4", 3), ("id", "<u4"), ("b", "<f4", 3), ("pad_b", "<u4"), ("c", "<f4", 3), ("pad_c", "<u4")]
+)
+PLACED = np.dtype(
+    [
+        ("row_x", "<f4", 3),
+        ("node", "<u4"),
+        ("row_y", "<f4", 3),
+        ("triangle", "<u4"),
+        ("row_z", "<f4", 3),
+        ("id", "<u4"),
+        ("center", "<f4", 3),
+        ("reach", "<f4"),
+    ]
+)
+SHADOW = np.dtype(
+    [
+        ("light_normal", "<f4", 3),
+        ("two_sided", "<u4"),
+        ("cone_axis", "<f4", 3),
+        ("cos_cutoff", "<f4"),
+        *_fields("receivers", "strata", "patterns", "words"),
+    ]
+)
 COMPOSITE = np.dtype(_fields("direct", "indirect", "pad0", "pad1"))
 DOWNSAMPLE = np.dtype(_fields("width", "height", "factor", "pad"))
 
