@@ -25,6 +25,9 @@ use crate::settings::Settings;
 /// Primary rays that are traced at once: about 0.1 s of work for two cores.
 const PRIMARY_RAYS: usize = 1 << 19;
 
+/// What the G-buffer's albedo and normals are read from; sent anew, it is made anew.
+const SURFACE_PARTS: [&str; 3] = ["geometry", "textures", "instances"];
+
 /// A device with everything that is kept between frames; shared by threads, one frame at a time.
 pub struct Renderer {
     gpu: Gpu,
@@ -155,10 +158,12 @@ impl Renderer {
         let prepared = Prepared::new(snapshot);
         let view = View::new(&camera.supersampled(supersample), prepared.anchor);
         let mut recorder = self.gpu.record(cancel)?;
+        // Taken: if this frame fails half-way, the next one trusts nothing.
+        let seen = state.seen.take();
         let rebuilt = recorder.host("upload", |gpu, _| state.sync(gpu, &prepared))?;
-        let valid = Valid { gbuffer: state.seen == Some((view, state.placed.version())) };
+        let repainted = rebuilt.iter().any(|part| SURFACE_PARTS.contains(part));
+        let valid = Valid { gbuffer: !repainted && seen == Some((view, state.placed.version())) };
         let plan = plan(SceneFacts::of(snapshot), settings, valid);
-        state.seen = None;
         let (kept, work) = state.passes(&mut recorder, &plan, &prepared, settings, view)?;
         let times = recorder.finish()?;
         state.seen = Some((view, state.placed.version()));

@@ -24,6 +24,9 @@ pub struct SceneBuffers {
     lights: Option<Buffer<[f32; 4]>>,
 }
 
+/// Rows that the lights' table can name.
+const MOST_LIGHT_ROWS: usize = 1 << 24;
+
 /// Words of a mesh in the arena: triangles, positions, then the attributes that it has.
 fn mesh_words(mesh: &Mesh) -> usize {
     let attribute = |there: bool, n: usize| if there { n * mesh.positions.len() } else { 0 };
@@ -136,6 +139,13 @@ impl SceneBuffers {
         let mut table = scene.light_rows.clone();
         for texture in scene.light_textures.values() {
             table.extend(texture.texels.iter().map(|[r, g, b]| [*r, *g, *b, 0.0]));
+        }
+        // The table names its rows by float32, which counts that far.
+        if table.len() > MOST_LIGHT_ROWS {
+            return Err(Error::Device(format!(
+                "the lights and their pictures have {} texels and rows; at most {MOST_LIGHT_ROWS} fit",
+                table.len()
+            )));
         }
         let in_place = self.lights.as_ref().is_some_and(|b| b.len() == table.len());
         let rebuilt = !in_place || !same_places(&scene.light_rows, &self.light_rows);
