@@ -8,6 +8,7 @@ import sys
 from pathlib import Path
 
 import pytest
+
 from tests.conftest import ALLOWED_SKIP
 
 ROOT = Path(__file__).resolve().parent.parent

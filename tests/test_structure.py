@@ -12,6 +12,9 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+
+import miplight as ml
+from miplight._table import KNOBS, PRESETS
 from tests.structure_rules import (
     ROOT,
     TOP,
@@ -22,9 +25,6 @@ from tests.structure_rules import (
     named,
     python_functions,
 )
-
-import miplight as ml
-from miplight._table import KNOBS, PRESETS
 
 LIMITS = {".rs": 400, ".py": 400, ".wgsl": 250}
 FUNCTION_LIMIT = 60

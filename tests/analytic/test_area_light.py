@@ -6,6 +6,8 @@ import numpy as np
 import pytest
 import trimesh
 from numpy.typing import ArrayLike
+
+import miplight as ml
 from tests.analytic.closed_forms import (
     add_quad,
     floor_points,
@@ -15,8 +17,6 @@ from tests.analytic.closed_forms import (
     relative,
     view_down,
 )
-
-import miplight as ml
 
 ALBEDO = np.array([0.8, 0.6, 0.4])
 UP = np.array([0.0, 1, 0])

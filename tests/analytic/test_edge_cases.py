@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 import trimesh
-from tests.analytic.closed_forms import floor_scene, view_down
 
 import miplight as ml
+from tests.analytic.closed_forms import floor_scene, view_down
 
 CAMERA = view_down(10, 8)
 

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 import trimesh
 from numpy.typing import ArrayLike, NDArray
-from tests.analytic.closed_forms import relative
 
 import miplight as ml
+from tests.analytic.closed_forms import relative
 
 Array = NDArray[np.float64]
 FACES = np.array([(0, 1, 2), (0, 2, 3)])

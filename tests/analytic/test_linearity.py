@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from tests.analytic.closed_forms import add_quad, floor_scene, relative, view_down
 
 import miplight as ml
+from tests.analytic.closed_forms import add_quad, floor_scene, relative, view_down
 
 
 def lamp(x: float = 0.0, radiance: float = 4.0, **options: bool) -> ml.AreaLight:

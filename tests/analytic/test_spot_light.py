@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from tests.analytic.closed_forms import add_quad, floor_points, floor_scene, relative, view_down
 
 import miplight as ml
+from tests.analytic.closed_forms import add_quad, floor_points, floor_scene, relative, view_down
 
 ALBEDO = np.array([0.8, 0.6, 0.4])
 INTENSITY = np.array([30.0, 20, 10])

@@ -5,6 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from numpy.typing import NDArray
+
+import miplight as ml
 from tests.analytic.closed_forms import (
     add_quad,
     floor_points,
@@ -13,8 +15,6 @@ from tests.analytic.closed_forms import (
     relative,
     view_down,
 )
-
-import miplight as ml
 
 ALBEDO = np.array([0.8, 0.6, 0.4])
 UP = np.array([0.0, 1, 0])

@@ -8,11 +8,11 @@ from typing import Any
 
 import numpy as np
 import pytest
-from tests.mitsuba.reference_scenes import STORED, load
 
 import miplight as ml
 from miplight.mitsuba import Reference
 from miplight.testing import Comparison, compare
+from tests.mitsuba.reference_scenes import STORED, load
 
 pytestmark = pytest.mark.mitsuba
 

@@ -7,6 +7,9 @@ from typing import Any
 import numpy as np
 import pytest
 from numpy.typing import NDArray
+
+import miplight as ml
+import mitsuba
 from tests.mitsuba.closed_forms import (
     floor_under,
     interpolate,
@@ -15,9 +18,6 @@ from tests.mitsuba.closed_forms import (
     polygon_irradiance,
     view_down,
 )
-
-import miplight as ml
-import mitsuba
 
 pytestmark = pytest.mark.mitsuba
 

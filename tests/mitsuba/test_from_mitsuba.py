@@ -8,10 +8,10 @@ from typing import Any
 
 import numpy as np
 import pytest
-from tests.mitsuba.xml_scenes import scene_of, write
 
 import miplight as ml
 from miplight.from_mitsuba import load
+from tests.mitsuba.xml_scenes import scene_of, write
 
 pytestmark = pytest.mark.mitsuba
 

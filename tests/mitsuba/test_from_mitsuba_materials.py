@@ -7,10 +7,10 @@ from typing import Any
 
 import numpy as np
 import pytest
-from tests.mitsuba.xml_scenes import write
 
 import miplight as ml
 from miplight.from_mitsuba import load
+from tests.mitsuba.xml_scenes import write
 
 pytestmark = pytest.mark.mitsuba
 

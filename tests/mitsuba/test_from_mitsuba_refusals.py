@@ -6,10 +6,10 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from tests.mitsuba.xml_scenes import write
 
 import miplight as ml
 from miplight.from_mitsuba import load
+from tests.mitsuba.xml_scenes import write
 
 pytestmark = pytest.mark.mitsuba
 

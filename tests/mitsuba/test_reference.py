@@ -7,11 +7,11 @@ from typing import Any
 
 import numpy as np
 import pytest
-from tests.mitsuba.closed_forms import floor_under, view_down
 
 import miplight as ml
 from miplight.mitsuba import Reference, variant
 from miplight.mitsuba import reference as make
+from tests.mitsuba.closed_forms import floor_under, view_down
 
 pytestmark = pytest.mark.mitsuba
 

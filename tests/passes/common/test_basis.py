@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from numpy.typing import NDArray
+
 from tests.passes.reference.hemisphere import concentric, frame
 from tests.passes.reference.run import Runner, assert_not_within, assert_within
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from numpy.typing import NDArray
+
 from tests.passes.reference.lights import Area, Light, random_area, random_spot, table
 from tests.passes.reference.pictures import emitted, stratum_means
 from tests.passes.reference.run import Runner, assert_not_within, assert_within

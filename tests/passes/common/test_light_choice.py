@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 import pytest
 from numpy.typing import NDArray
+
 from tests.passes.reference.lights import Area, Light, Spot, random_area, random_spot, table
 from tests.passes.reference.run import Runner, assert_not_within, assert_within
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from numpy.typing import NDArray
+
 from tests.passes.reference.hashing import pcg4d, pcg4d_by_hand, random4
 from tests.passes.reference.run import Runner
 

@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 import pytest
 from numpy.typing import NDArray
+
 from tests.passes.reference.lights import Area, Light, random_area, random_spot, table
 from tests.passes.reference.run import ULP, Runner, assert_not_within, assert_within, read
 from tests.passes.reference.structs import COMPOSITE, FIRST_LIGHT, NOTHING, SURFACE, record, row

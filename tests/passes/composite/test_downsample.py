@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 import pytest
 from numpy.typing import NDArray
+
 from tests.passes.reference.run import ULP, Runner, assert_not_within, assert_within, read
 from tests.passes.reference.structs import DOWNSAMPLE, record
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from numpy.typing import NDArray
+
 from tests.passes.reference.gathering import Case, facing_up, gather, geometry_terms, random_case
 from tests.passes.reference.lights import Area, Light, Spot, random_area, random_spot
 from tests.passes.reference.polygons import contour

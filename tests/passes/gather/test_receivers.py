@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 import pytest
 from numpy.typing import NDArray
+
 from tests.passes.reference.gbuffers import GBuffer, random_gbuffer
 from tests.passes.reference.hashing import pcg4d
 from tests.passes.reference.image import pixel_numbers, tile_order

@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 import pytest
 from numpy.typing import NDArray
+
 from tests.passes.reference.image import pixel_numbers, random_view, tile_order, view_directions
 from tests.passes.reference.lights import random_area
 from tests.passes.reference.run import Runner, assert_not_within, assert_within, read

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 from numpy.typing import NDArray
+
 from tests.passes.reference.hashing import pcg4d, random4
 from tests.passes.reference.hemisphere import cosine_directions
 from tests.passes.reference.lights import Area, Light, Spot, random_area, random_spot, table

@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 import pytest
 from numpy.typing import NDArray
+
 from tests.passes.reference.gbuffers import GBuffer, random_gbuffer
 from tests.passes.reference.hashing import random4
 from tests.passes.reference.hemisphere import concentric, cosine_directions

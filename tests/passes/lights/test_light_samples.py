@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 import pytest
 from numpy.typing import NDArray
+
 from tests.passes.reference.hashing import random4
 from tests.passes.reference.lights import Area, Light, random_area, random_spot, table
 from tests.passes.reference.pictures import stratum_means

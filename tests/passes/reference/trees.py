@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+
 from tests.passes.reference.structs import MISS, NODE, PLACED, TRIANGLE, record
 
 Array = NDArray[np.float64]

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 from numpy.typing import NDArray
+
 from tests.passes.reference.run import Runner, read
 from tests.passes.reference.structs import MISS, RECEIVER, SHADOW, record
 from tests.passes.reference.trees import Object, meet, random_objects, trees

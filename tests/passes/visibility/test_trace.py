@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 import pytest
 from numpy.typing import NDArray
+
 from tests.passes.reference.run import Runner, assert_not_within, assert_within, read
 from tests.passes.reference.structs import HIT, MISS, RAY
 from tests.passes.reference.trees import Met, Object, meet, random_objects, trees
