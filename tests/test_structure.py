@@ -30,9 +30,8 @@ LIMITS = {".rs": 400, ".py": 400, ".wgsl": 250}
 FUNCTION_LIMIT = 60
 # Rust files beside the passes that are no passes: what they share, and the inside of the native trace.
 NO_PASS = {"mod", "arena", "scene_buffers", "trace_native", "trace_wgsl", "tree_upload", "placed"}
-# Two shaders make one pass: closest and any hits, and shadow rays that are made where they are traced. Their
-# reference is a brute force in Rust, beside the native form's.
-TRACE = {"visibility/trace": "tests/rust/trace_forms.rs", "visibility/shadow": "tests/rust/trace_shadow.rs"}
+# Two shaders of one pass: closest and any hits, and shadow rays that are made where they are traced.
+RUST_OF = {"visibility/shadow": "visibility/trace"}
 
 
 @pytest.mark.parametrize("path", files(*LIMITS), ids=named)
@@ -74,10 +73,8 @@ SHADERS = sorted(_stems("shaders/passes", ".wgsl"))
 @pytest.mark.parametrize("stem", SHADERS)
 def test_every_shader_has_its_pass_and_its_test(stem: str) -> None:
     folder, _, name = stem.rpartition("/")
-    if stem in TRACE:
-        assert (ROOT / TRACE[stem]).is_file(), f"no {TRACE[stem]}"
-        return
-    assert (ROOT / f"src/passes/{stem}.rs").is_file(), f"no src/passes/{stem}.rs"
+    rust = f"src/passes/{RUST_OF.get(stem, stem)}.rs"
+    assert (ROOT / rust).is_file(), f"no {rust}"
     assert (ROOT / f"tests/passes/{folder}/test_{name}.py").is_file(), (
         f"no tests/passes/{folder}/test_{name}.py"
     )
@@ -86,7 +83,7 @@ def test_every_shader_has_its_pass_and_its_test(stem: str) -> None:
 def test_every_pass_has_its_shader() -> None:
     passes = {s for s in _stems("src/passes", ".rs") if "/" in s and "/native/" not in s}
     passes = {s for s in passes if s.rpartition("/")[2] not in NO_PASS}
-    assert passes == set(SHADERS) - {"visibility/shadow"}
+    assert passes == set(SHADERS)
 
 
 @pytest.mark.parametrize("stem", SHADERS)
