@@ -25,9 +25,9 @@ pub(crate) struct Columns {
 fn box_of(points: &[[f32; 4]]) -> Interval {
     let mut b = Interval { lo: [f32::INFINITY; 3], hi: [f32::NEG_INFINITY; 3] };
     for p in points {
-        for axis in 0..3 {
-            b.lo[axis] = if p[axis] >= b.lo[axis] { b.lo[axis] } else { p[axis] };
-            b.hi[axis] = if p[axis] <= b.hi[axis] { b.hi[axis] } else { p[axis] };
+        for (axis, &x) in p.iter().take(3).enumerate() {
+            b.lo[axis] = if x >= b.lo[axis] { b.lo[axis] } else { x };
+            b.hi[axis] = if x <= b.hi[axis] { b.hi[axis] } else { x };
         }
     }
     let nan = points.iter().any(|p| p[0].is_nan() || p[1].is_nan() || p[2].is_nan());
