@@ -22,7 +22,7 @@ fn closest(scene: &TraceScene, rays: &[Ray]) -> Vec<Hit> {
 fn any(scene: &TraceScene, rays: &[Ray]) -> Vec<bool> {
     let mut bits = vec![u32::MAX; rays.len().div_ceil(32)];
     scene.any(rays, &mut bits, &GO);
-    if rays.len() % 32 != 0 {
+    if !rays.len().is_multiple_of(32) {
         assert_eq!(bits.last().map_or(0, |w| w >> (rays.len() % 32)), 0, "spare bits are cleared");
     }
     (0..rays.len()).map(|i| bits[i / 32] >> (i % 32) & 1 == 1).collect()
