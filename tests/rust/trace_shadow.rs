@@ -31,7 +31,7 @@ fn case(strata: u32, count: usize, seed: u64) -> Case {
         points.push([x * cell - 1.0, 4.5, z * cell - 1.0, 0.999]);
     }
     let receiver = |i: usize| {
-        let normal: [f32; 3] = if i % 3 == 0 { Vec3::Y.into() } else { random.direction().into() };
+        let normal: [f32; 3] = if i.is_multiple_of(3) { Vec3::Y.into() } else { random.direction().into() };
         let shade = (Vec3::from(normal) + random.cube(0.2)).normalize();
         let pattern = if i % 17 == 5 { u32::MAX } else { i as u32 % patterns };
         let pattern = if i % 41 == 7 { patterns } else { pattern };
