@@ -17,7 +17,7 @@ def _scene() -> ml.Scene:
 
 
 def test_a_large_image_has_the_pixels_of_a_small_one(renderer: ml.Renderer) -> None:
-    """Primary rays, receivers and gather waves are worked on in pieces; the first rows are the same to the bit.
+    """Primary rays, receivers and gather waves are worked on in pieces; the first rows have the same bits.
 
     Both images have the same columns and begin at the same row, so that each pixel has the same number, and
     with it the same jitter.
