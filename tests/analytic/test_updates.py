@@ -83,8 +83,8 @@ CHANGES: dict[str, Callable[[ml.Scene], object]] = {
     "removed": lambda scene: scene.remove("ball"),
     "light added": lambda scene: scene.add_light(ml.SpotLight((-1, 1, 0), (0, 0, 0), (9, 1, 1), 60)),
     "light removed": lambda scene: scene.remove("light_0"),
-    "all meshes removed": lambda scene: _remove_all(scene, list(scene.meshes)),
     "all lights removed": lambda scene: _remove_all(scene, list(scene.lights)),
+    "all meshes removed": lambda scene: _remove_all(scene, list(scene.meshes)),
 }
 
 
