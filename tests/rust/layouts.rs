@@ -35,7 +35,7 @@ fn twins() -> Vec<(Layout, &'static str, &'static str)> {
         (instance(), "common/surface", "Instance"),
         (light_samples(), "passes/lights/light_samples", "LightSamplesParams"),
         (receivers, "passes/gather/receivers", "ReceiversParams"),
-        (gather, "passes/gather/gather", "GatherParams"),
+        (gather, "common/gather_params", "GatherParams"),
         (composite, "passes/composite/composite", "CompositeParams"),
         (downsample, "passes/composite/downsample", "DownsampleParams"),
     ]
@@ -109,7 +109,7 @@ fn twins_have_the_same_layout() {
 const ELSEWHERE: [(&str, &str); 6] = [
     ("common/grid", "Grid"),
     ("common/bvh", "Node"),
-    ("common/bvh", "Instance"),
+    ("common/bvh", "Placed"),
     ("common/bvh", "Triangle"),
     ("common/bvh", "TopLevel"),
     ("passes/visibility/shadow", "ShadowParams"),

@@ -2,16 +2,10 @@
 //   E += sum_i V_i L_i A/N cos_s cos_l / d^2   [NPW10 Eq. 2; Deviation: N samples, radiance L, A(y_i) = A/N]
 // In: receivers, visibility bits, sample points and their radiance times area. In and out: irradiance a pixel.
 
+import package::common::gather_params::GatherParams;
 import package::common::grid::{Grid, item_index};
 import package::common::light::{SPOT, light_at, lights};
 import package::common::ray::Receiver;
-
-struct GatherParams {
-    strata: u32,
-    words: u32,         // of visibility a receiver; 0: everything is seen
-    light: u32,
-    pad: u32,
-}
 
 @group(0) @binding(30) var<uniform> grid: Grid;
 @group(0) @binding(0) var<uniform> params: GatherParams;

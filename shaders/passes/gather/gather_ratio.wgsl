@@ -4,17 +4,11 @@
 // noise is that of visibility alone. L is the light's mean radiance, a channel each, so that textures are right as well.
 // In: receivers, visibility bits, sample points and their radiance times area. In and out: irradiance a pixel.
 
+import package::common::gather_params::GatherParams;
 import package::common::grid::{Grid, item_index};
 import package::common::light::{Light, light_at, lights};
 import package::common::polygon::parallelogram_irradiance;
 import package::common::ray::Receiver;
-
-struct GatherParams {
-    strata: u32,
-    words: u32,         // of visibility a receiver; 0: everything is seen
-    light: u32,
-    pad: u32,
-}
 
 @group(0) @binding(30) var<uniform> grid: Grid;
 @group(0) @binding(0) var<uniform> params: GatherParams;

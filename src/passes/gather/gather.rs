@@ -8,7 +8,7 @@ use crate::passes::Context;
 use crate::passes::lights::light_samples::LightSamples;
 use crate::passes::visibility::Receiver;
 
-/// Twin of `GatherParams` in `shaders/passes/gather/gather.wgsl`.
+/// Twin of `GatherParams` in `shaders/common/gather_params.wgsl`.
 #[repr(C)]
 #[derive(Debug, Clone, Copy, Pod, Zeroable)]
 pub struct GatherParams {
