@@ -1,23 +1,23 @@
-"""Rates of Mitsuba's Embree on the scene of ``examples/trace_native.rs``, for comparison on the same machine."""
+"""Rates of Mitsuba's Embree on the scene of ``examples/trace_native.rs``, for the same machine."""
 
-import os
+from __future__ import annotations
+
 import sys
+import tempfile
 import time
 from pathlib import Path
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
-# Dr.Jit needs an LLVM of 17 or later; rustc brings one.
-for library in Path.home().glob(".rustup/toolchains/stable*/lib/libLLVM.so.*"):
-    os.environ.setdefault("DRJIT_LIBLLVM_PATH", str(library))
-import mitsuba as mi
+from miplight.mitsuba import activate
 
-mi.set_variant("llvm_ad_rgb")
 SIZE = 256
 SPP = 256
 
 
-def bumpy_sphere(count):
+def bumpy_sphere(count: int) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
     """Sphere by longitude and latitude with bumps, about ``count`` triangles."""
     rings = max(int(np.sqrt(count / 4)), 3)
     around = 2 * rings
@@ -33,7 +33,7 @@ def bumpy_sphere(count):
     return points, np.concatenate([upper, lower])
 
 
-def scene(count):
+def scene(mi: Any, count: int) -> Any:
     """The room, the sphere, the light and the camera."""
     points, faces = bumpy_sphere(count)
     mesh = mi.Mesh("sphere", len(points), len(faces))
@@ -41,11 +41,12 @@ def scene(count):
     params["vertex_positions"] = points.astype(np.float32).ravel()
     params["faces"] = faces.astype(np.uint32).ravel()
     params.update()
-    mesh.write_ply("/tmp/trace_mitsuba.ply")
+    file = Path(tempfile.gettempdir()) / "trace_mitsuba.ply"
+    mesh.write_ply(str(file))
     to = mi.ScalarTransform4f
     grey = {"type": "diffuse"}
     both = {"type": "twosided", "inner": grey}
-    ply = {"type": "ply", "filename": "/tmp/trace_mitsuba.ply", "face_normals": True, "bsdf": both}
+    ply = {"type": "ply", "filename": str(file), "face_normals": True, "bsdf": both}
     light = to().translate([0, 4.99, 0]).rotate([1, 0, 0], 90)
     camera = to().look_at([0, 0, -4.9], [0, 0, 0], [0, 1, 0])
     film = {"type": "hdrfilm", "width": SIZE, "height": SIZE, "rfilter": {"type": "box"}}
@@ -62,19 +63,25 @@ def scene(count):
     )
 
 
-def main(sizes):
-    """Prints M rays/s, two rays a sample, best of three warm renders."""
-    for count in sizes:
-        room = scene(count)
-        best = least = float("inf")
-        for seed in range(4):
-            start, used = time.perf_counter(), time.process_time()
-            np.array(mi.render(room, spp=SPP, seed=seed))
-            if seed > 0:
-                best = min(best, time.perf_counter() - start)
-                least = min(least, time.process_time() - used)
-        rays = SIZE * SIZE * SPP * 2 / 1e6
-        print(f"{count:>9} triangles  direct {rays / best:8.1f} M rays/s, {rays / least:.1f} per core", flush=True)
+def measure(mi: Any, count: int) -> None:
+    """Print M rays/s, two rays a sample, best of three warm renders."""
+    room = scene(mi, count)
+    best = least = float("inf")
+    for seed in range(4):
+        start, used = time.perf_counter(), time.process_time()
+        np.array(mi.render(room, spp=SPP, seed=seed))
+        if seed > 0:
+            best = min(best, time.perf_counter() - start)
+            least = min(least, time.process_time() - used)
+    rays = SIZE * SIZE * SPP * 2 / 1e6
+    print(f"{count:>9} triangles  {rays / best:8.1f} M rays/s, {rays / least:.1f} per core", flush=True)
+
+
+def main(sizes: list[int]) -> None:
+    """Measure each size."""
+    with activate("llvm_ad_rgb") as mi:
+        for count in sizes:
+            measure(mi, count)
 
 
 if __name__ == "__main__":

@@ -2,7 +2,9 @@
 //!
 //! `cargo run --release --example trace_native [TRIANGLES...]`; `benches/trace_mitsuba.py` times the same scene in Mitsuba.
 use glam::{Affine3A, Vec3};
-use miplight::passes::visibility::trace_native::{Hit, Ray, Receiver, SampleTable, SimdWidth, TraceInstance, TraceScene};
+use miplight::passes::visibility::trace_native::{
+    Hit, Ray, Receiver, SampleTable, SimdWidth, TraceInstance, TraceScene,
+};
 use miplight::scene::bvh::Blas;
 use std::f32::consts::{PI, TAU};
 use std::sync::Arc;
@@ -62,7 +64,12 @@ fn scene(count: usize) -> TraceScene {
     let walls = [[0, 1, 3, 2], [4, 5, 7, 6], [0, 1, 5, 4], [2, 3, 7, 6], [0, 2, 6, 4], [1, 3, 7, 5]];
     let triangles: Vec<[u32; 3]> = walls.iter().flat_map(|w| [[w[0], w[1], w[2]], [w[0], w[2], w[3]]]).collect();
     let room = Blas::build(&(0..8).map(corner).collect::<Vec<_>>(), &triangles);
-    let light = [Vec3::new(-1.0, 4.99, -1.0), Vec3::new(1.0, 4.99, -1.0), Vec3::new(1.0, 4.99, 1.0), Vec3::new(-1.0, 4.99, 1.0)];
+    let light = [
+        Vec3::new(-1.0, 4.99, -1.0),
+        Vec3::new(1.0, 4.99, -1.0),
+        Vec3::new(1.0, 4.99, 1.0),
+        Vec3::new(-1.0, 4.99, 1.0),
+    ];
     let light = Blas::build(&light, &[[0, 1, 2], [0, 2, 3]]);
     let (positions, triangles) = bumpy_sphere(count);
     let start = Instant::now();
@@ -200,6 +207,11 @@ fn main() {
         }
         let lit: u64 = bits.iter().map(|w| u64::from(w.count_ones())).sum();
         let near = hits.iter().filter(|h| h.instance == 1).count();
-        println!("{:>9} lit {:.3}, on the sphere {:.3}", "", lit as f64 / (receivers.len() * STRATA) as f64, near as f64 / hits.len() as f64);
+        println!(
+            "{:>9} lit {:.3}, on the sphere {:.3}",
+            "",
+            lit as f64 / (receivers.len() * STRATA) as f64,
+            near as f64 / hits.len() as f64
+        );
     }
 }

@@ -64,7 +64,9 @@ fn validate(blas: &Blas, mesh: &Mesh) -> Result<(), String> {
 #[test]
 fn trees_hold_every_triangle_once() {
     let mut random = Random::new(1);
-    for mesh in [soup(1, 1.0, &mut random), soup(2, 1.0, &mut random), soup(3000, 0.1, &mut random), sphere(4, 0.1), grid(40)] {
+    for mesh in
+        [soup(1, 1.0, &mut random), soup(2, 1.0, &mut random), soup(3000, 0.1, &mut random), sphere(4, 0.1), grid(40)]
+    {
         let blas = Blas::build(&mesh.positions, &mesh.triangles);
         assert_eq!(validate(&blas, &mesh), Ok(()));
         assert_eq!(blas.triangle_count(), mesh.triangles.len());
@@ -112,8 +114,12 @@ fn hard_input_builds_in_good_time_and_depth() {
         strip.triangles.push([3 * i, 3 * i + 1, 3 * i + 2]);
     }
     let points = Mesh { positions: vec![Vec3::ONE; 3], triangles: vec![[0, 1, 2]; 10_000] };
-    let huge = Mesh { positions: soup(500, 0.3, &mut random).positions.iter().map(|p| *p * 1e37).collect(), ..soup(500, 0.3, &mut random) };
-    for (name, mesh) in [("copies", copies), ("strip", strip), ("grid", grid(256)), ("points", points), ("huge", huge)] {
+    let huge = Mesh {
+        positions: soup(500, 0.3, &mut random).positions.iter().map(|p| *p * 1e37).collect(),
+        ..soup(500, 0.3, &mut random)
+    };
+    for (name, mesh) in [("copies", copies), ("strip", strip), ("grid", grid(256)), ("points", points), ("huge", huge)]
+    {
         let start = Instant::now();
         let blas = Blas::build(&mesh.positions, &mesh.triangles);
         println!("{name}: {} triangles, {:?}, depth {}", mesh.triangles.len(), start.elapsed(), blas.depth_bvh2());

@@ -101,7 +101,8 @@ fn closest_hits_match_a_float64_brute_force() {
 }
 
 fn scene_objects_moved(objects: &[Object]) -> Vec<Object> {
-    let shift = |o: &Object| Object { mesh: o.mesh.clone(), place: Affine3A::from_translation(Vec3::splat(0.01)) * o.place };
+    let shift =
+        |o: &Object| Object { mesh: o.mesh.clone(), place: Affine3A::from_translation(Vec3::splat(0.01)) * o.place };
     objects.iter().map(shift).collect()
 }
 
@@ -229,7 +230,8 @@ fn ties_go_to_the_smaller_instance_and_triangle() {
     let objects = [place(&twice), place(&flat), place(&twice)];
     let mut random = Random::new(5);
     let target = |random: &mut Random| Vec3::new(random.below(13) as f32 / 12.0, random.below(13) as f32 / 12.0, 0.0);
-    let rays: Vec<Ray> = (0..2000).map(|_| ray(Vec3::new(0.4, 0.3, 2.0), target(&mut random) - Vec3::new(0.4, 0.3, 2.0))).collect();
+    let rays: Vec<Ray> =
+        (0..2000).map(|_| ray(Vec3::new(0.4, 0.3, 2.0), target(&mut random) - Vec3::new(0.4, 0.3, 2.0))).collect();
     for width in SimdWidth::available() {
         let hits = closest(&scene(&objects, width), &rays);
         let once = closest(&scene(&objects[1..2], width), &rays);
@@ -257,7 +259,10 @@ fn degenerate_input_answers_misses() {
     let singular = Affine3A::from_scale(Vec3::new(1.0, 0.0, 1.0));
     for width in SimdWidth::available() {
         let place = |mesh: &Mesh, place| Object { mesh: mesh.clone(), place };
-        let full = scene(&[place(&one, Affine3A::IDENTITY), place(&one, singular), place(&Mesh::default(), Affine3A::IDENTITY)], width);
+        let full = scene(
+            &[place(&one, Affine3A::IDENTITY), place(&one, singular), place(&Mesh::default(), Affine3A::IDENTITY)],
+            width,
+        );
         for (i, hit) in closest(&full, &rays).iter().enumerate() {
             assert_eq!(hit.is_hit(), !missing.contains(&i), "ray {i}, {width:?}");
         }

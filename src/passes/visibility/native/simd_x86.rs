@@ -235,18 +235,69 @@ unsafe fn strided4(from: *const f32, stride: i32) -> __m128 {
 }
 
 lanes!(
-    F32x16, M16, 16, _mm512_set1_ps, _mm512_loadu_ps, _mm512_storeu_ps, _mm512_add_ps, _mm512_sub_ps, _mm512_mul_ps,
-    _mm512_div_ps, _mm512_fmadd_ps, _mm512_fnmadd_ps, _mm512_fmsub_ps, _mm512_min_ps, _mm512_max_ps, _mm512_abs_ps, _mm512_sqrt_ps,
-    _mm512_cmp_ps_mask, select16, strided16
+    F32x16,
+    M16,
+    16,
+    _mm512_set1_ps,
+    _mm512_loadu_ps,
+    _mm512_storeu_ps,
+    _mm512_add_ps,
+    _mm512_sub_ps,
+    _mm512_mul_ps,
+    _mm512_div_ps,
+    _mm512_fmadd_ps,
+    _mm512_fnmadd_ps,
+    _mm512_fmsub_ps,
+    _mm512_min_ps,
+    _mm512_max_ps,
+    _mm512_abs_ps,
+    _mm512_sqrt_ps,
+    _mm512_cmp_ps_mask,
+    select16,
+    strided16
 );
 lanes!(
-    F32x8, M8, 8, _mm256_set1_ps, _mm256_loadu_ps, _mm256_storeu_ps, _mm256_add_ps, _mm256_sub_ps, _mm256_mul_ps,
-    _mm256_div_ps, _mm256_fmadd_ps, _mm256_fnmadd_ps, _mm256_fmsub_ps, _mm256_min_ps, _mm256_max_ps, abs8, _mm256_sqrt_ps,
-    _mm256_cmp_ps, _mm256_blendv_ps, strided8
+    F32x8,
+    M8,
+    8,
+    _mm256_set1_ps,
+    _mm256_loadu_ps,
+    _mm256_storeu_ps,
+    _mm256_add_ps,
+    _mm256_sub_ps,
+    _mm256_mul_ps,
+    _mm256_div_ps,
+    _mm256_fmadd_ps,
+    _mm256_fnmadd_ps,
+    _mm256_fmsub_ps,
+    _mm256_min_ps,
+    _mm256_max_ps,
+    abs8,
+    _mm256_sqrt_ps,
+    _mm256_cmp_ps,
+    _mm256_blendv_ps,
+    strided8
 );
 lanes!(
-    F32x4, M4, 4, _mm_set1_ps, _mm_loadu_ps, _mm_storeu_ps, _mm_add_ps, _mm_sub_ps, _mm_mul_ps, _mm_div_ps,
-    _mm_fmadd_ps, _mm_fnmadd_ps, _mm_fmsub_ps, _mm_min_ps, _mm_max_ps, abs4, _mm_sqrt_ps, _mm_cmp_ps, _mm_blendv_ps,
+    F32x4,
+    M4,
+    4,
+    _mm_set1_ps,
+    _mm_loadu_ps,
+    _mm_storeu_ps,
+    _mm_add_ps,
+    _mm_sub_ps,
+    _mm_mul_ps,
+    _mm_div_ps,
+    _mm_fmadd_ps,
+    _mm_fnmadd_ps,
+    _mm_fmsub_ps,
+    _mm_min_ps,
+    _mm_max_ps,
+    abs4,
+    _mm_sqrt_ps,
+    _mm_cmp_ps,
+    _mm_blendv_ps,
     strided4
 );
 

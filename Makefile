@@ -1,0 +1,87 @@
+# One file for people and machines: `make demo`, `make test`, `make bench`. Each target sets up what it is missing.
+SHELL := /bin/bash
+.SHELLFLAGS := -eu -o pipefail -c
+.DELETE_ON_ERROR:
+.DEFAULT_GOAL := help
+
+PYTHON ?= python3
+VENV ?= .venv
+BIN := $(VENV)/bin
+# stamps live in the environment that they speak of, so that deleting it forgets them, too
+STAMP := $(VENV)/stamps
+RUST_FILES := $(shell find src shaders -type f) $(wildcard build.rs)
+PYTEST ?= $(BIN)/pytest
+
+# Scenes that cannot be part of this repository; tests that want them are the only ones that may be skipped.
+ifndef MIPLIGHT_SCENES
+  ifneq ($(wildcard ../shared/scenes/.),)
+    export MIPLIGHT_SCENES := $(abspath ../shared/scenes)
+  endif
+endif
+
+.PHONY: help
+help: ## Show this list
+	@grep -hE '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:.*## /\t/' | expand -t 14
+
+.PHONY: setup
+setup: $(STAMP)/system $(STAMP)/extension ## Make .venv, a Vulkan driver if there is none, and the extension
+
+.PHONY: demo
+demo: setup ## Render Spot in a room and a colonnade of half a million triangles
+	$(BIN)/miplight demo --out out/demo
+
+.PHONY: test
+test: lint test-rust test-python ## Lints, types, Rust tests, Python tests
+
+.PHONY: lint
+lint: setup ## Formatting, lints and types (clippy comes with test-rust)
+	cargo fmt --check
+	$(BIN)/ruff format --check .
+	$(BIN)/ruff check .
+	$(BIN)/mypy
+
+# `cargo clippy` would check every dependency a second time, for minutes. Its driver is a compiler as well, so the
+# same lints run here while this crate alone is compiled, on dependencies that the builds share.
+CLIPPY := RUSTC_WORKSPACE_WRAPPER="$$(rustc --print sysroot)/bin/clippy-driver" CLIPPY_ARGS=-Dwarnings
+
+.PHONY: test-rust
+test-rust: $(STAMP)/system $(STAMP)/extension ## Clippy and the Rust tests
+	$(CLIPPY) cargo build --release --features python --config 'profile.release.package.miplight.opt-level=0'
+	$(CLIPPY) cargo test --release --no-run
+	$(CLIPPY) cargo test --release
+
+.PHONY: test-python
+test-python: setup ## The Python tests
+	$(PYTEST)
+
+.PHONY: bench
+bench: setup ## Measure passes, rays, errors and Mitsuba; writes benches/results
+	$(BIN)/python benches/run.py
+
+.PHONY: bench-gpu
+bench-gpu: setup ## The same on a GPU, without Mitsuba
+	$(BIN)/python benches/run.py --adapter gpu --no-mitsuba
+
+.PHONY: pictures
+pictures: setup ## Make the pictures and times of docs/method.md
+	$(BIN)/python docs/make_pictures.py
+
+.PHONY: clean
+clean: ## Remove what was built
+	rm -rf target $(VENV) out tests/failures python/miplight/_core*.so .mypy_cache .ruff_cache .pytest_cache
+
+$(STAMP)/venv:
+	$(PYTHON) -m venv $(VENV)
+	$(BIN)/python -m pip install --quiet --upgrade pip "maturin>=1.9,<2"
+	mkdir -p $(STAMP) && touch $@
+
+# A Vulkan driver for the renderer, an LLVM for Mitsuba.
+$(STAMP)/system: $(STAMP)/venv tools/ensure_system.sh
+	bash tools/ensure_system.sh
+	touch $@
+
+# maturin also installs the packages that pyproject.toml names
+$(STAMP)/extension: $(STAMP)/venv pyproject.toml Cargo.toml Cargo.lock $(RUST_FILES)
+	@command -v cargo >/dev/null || { echo "Rust is missing: install rustc and cargo 1.89 or newer" >&2; exit 1; }
+	PIP_QUIET=1 VIRTUAL_ENV=$(abspath $(VENV)) $(BIN)/maturin develop --release --locked --extras dev,mitsuba,notebook,test
+	touch $@

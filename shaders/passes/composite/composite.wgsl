@@ -1,0 +1,62 @@
+// Radiance towards the eye: emitted + albedo/pi (E_direct + E_indirect). In: G-buffer, irradiance. Out: three images.
+
+import package::common::basis::PI;
+import package::common::gbuffer::{FIRST_LIGHT, NOTHING, SURFACE, floats};
+import package::common::grid::{Grid, item_index};
+import package::common::light::{light_at, light_radiance_at, lights};
+
+struct CompositeParams {
+    direct: u32,
+    indirect: u32,
+    pad0: u32,
+    pad1: u32,
+}
+
+@group(0) @binding(30) var<uniform> grid: Grid;
+@group(0) @binding(0) var<uniform> params: CompositeParams;
+@group(0) @binding(1) var<storage, read> g_normal: array<vec4u>;
+@group(0) @binding(2) var<storage, read> g_albedo: array<vec4u>;
+@group(0) @binding(3) var<storage, read> direct_irradiance: array<vec4f>;
+@group(0) @binding(4) var<storage, read> indirect_irradiance: array<vec4f>;
+@group(0) @binding(5) var<storage, read_write> image: array<vec4f>;
+@group(0) @binding(6) var<storage, read_write> direct: array<vec4f>;
+@group(0) @binding(7) var<storage, read_write> indirect: array<vec4f>;
+
+fn emitted(kind: u32, seen: vec3f) -> vec3f {
+    let light = light_at(kind - FIRST_LIGHT);
+    let lit = light.two_sided || seen.z > 0.5;
+    return select(vec3f(0.0), light_radiance_at(light, seen.xy), lit);
+}
+
+@compute @workgroup_size(64)
+fn main(
+    @builtin(workgroup_id) group: vec3u,
+    @builtin(num_workgroups) groups: vec3u,
+    @builtin(local_invocation_index) lane: u32,
+) {
+    let i = item_index(grid, group, groups, 64u, lane);
+    if i >= grid.end {
+        return;
+    }
+    let kind = g_normal[i].w;
+    let color = floats(g_albedo[i]);
+    var out = vec3f(0.0);
+    var out_direct = vec3f(0.0);
+    var out_indirect = vec3f(0.0);
+    if kind >= FIRST_LIGHT {
+        out = emitted(kind, color);
+    } else if kind == SURFACE {
+        if params.direct != 0u {
+            out_direct = color / PI * direct_irradiance[i].xyz;
+        }
+        if params.indirect != 0u {
+            out_indirect = color / PI * indirect_irradiance[i].xyz;
+        }
+        out = out_direct + out_indirect;
+    }
+    image[i] = vec4f(out, 1.0);
+    direct[i] = vec4f(out_direct, 1.0);
+    if params.indirect != 0u {
+        indirect[i] = vec4f(out_indirect, 1.0);
+    }
+}

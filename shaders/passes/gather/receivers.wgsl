@@ -1,0 +1,62 @@
+// The shading points of a range of pixels, in tile order. In: G-buffer. Out: receivers, and how many are active.
+
+import package::common::gbuffer::{SURFACE, floats};
+import package::common::grid::{Grid, item_index};
+import package::common::random::pcg4d;
+import package::common::ray::Receiver;
+import package::common::surface::offset_origin;
+import package::common::tiles::pixel_in_tile_order;
+
+struct ReceiversParams {
+    width: u32,
+    height: u32,
+    first: u32,
+    patterns: u32,
+    seed: u32,
+    pad0: u32,
+    pad1: u32,
+    pad2: u32,
+}
+
+@group(0) @binding(30) var<uniform> grid: Grid;
+@group(0) @binding(0) var<uniform> params: ReceiversParams;
+@group(0) @binding(1) var<storage, read> g_position: array<vec4u>;
+@group(0) @binding(2) var<storage, read> g_normal: array<vec4u>;
+@group(0) @binding(3) var<storage, read> g_geometric: array<vec4u>;
+@group(0) @binding(4) var<storage, read_write> receivers: array<Receiver>;
+@group(0) @binding(5) var<storage, read_write> active_count: array<atomic<u32>>;
+
+var<workgroup> active_here: atomic<u32>;
+
+const INACTIVE: u32 = 0xffffffffu;
+
+fn receiver(index: u32) -> Receiver {
+    let pixel = pixel_in_tile_order(index, params.width);
+    let at = pixel.y * params.width + pixel.x;
+    if pixel.x >= params.width || pixel.y >= params.height || g_normal[at].w != SURFACE {
+        return Receiver(vec3f(0.0), INACTIVE, vec3f(0.0), 0u, vec3f(0.0), INACTIVE);
+    }
+    let normal_geo = floats(g_geometric[at]);
+    let origin = offset_origin(floats(g_position[at]), normal_geo, bitcast<f32>(g_position[at].w));
+    let pattern = pcg4d(vec4u(pixel, params.seed, 1u)).x % params.patterns;
+    return Receiver(origin, pattern, normal_geo, 0u, floats(g_normal[at]), at);
+}
+
+@compute @workgroup_size(64)
+fn main(
+    @builtin(workgroup_id) group: vec3u,
+    @builtin(num_workgroups) groups: vec3u,
+    @builtin(local_invocation_index) lane: u32,
+) {
+    let i = item_index(grid, group, groups, 64u, lane);
+    if i < grid.end {
+        receivers[i] = receiver(params.first + i);
+        if receivers[i].pattern != INACTIVE {
+            atomicAdd(&active_here, 1u);
+        }
+    }
+    workgroupBarrier();
+    if lane == 0u {
+        atomicAdd(&active_count[0], atomicLoad(&active_here));
+    }
+}

@@ -1,0 +1,76 @@
+// Shadow: which samples of one light each receiver sees.
+// In     receivers; points, patterns x strata samples on the light, their fourth number the largest t; the trees
+// Out    visibility: `words` words a receiver, bit k % 32 of word k / 32 set when sample k faces the surface, the
+//        light emits towards it and nothing is in between; counter: how many rays that took
+// Rule   an item is one word of one receiver; word after word, so that neighbouring threads trace from neighbouring
+//        receivers to the same stratum.
+
+import package::common::bvh::{active_ray, trace_ray};
+import package::common::grid::{Grid, item_index};
+import package::common::ray::{MISS, Ray, Receiver};
+import package::common::ray_counter::{add_rays, count_rays};
+
+struct ShadowParams {
+    light_normal: vec3<f32>,
+    two_sided: u32,
+    cone_axis: vec3<f32>,
+    cos_cutoff: f32, // -1 and below: no cone
+    receivers: u32,
+    strata: u32,
+    patterns: u32,
+    words: u32,
+}
+
+const SIZE: u32 = 64u;
+
+@group(0) @binding(0) var<uniform> grid: Grid;
+@group(0) @binding(1) var<uniform> params: ShadowParams;
+@group(0) @binding(2) var<storage, read> receivers: array<Receiver>;
+@group(0) @binding(3) var<storage, read> points: array<vec4<f32>>;
+@group(0) @binding(4) var<storage, read_write> visibility: array<u32>;
+
+// True when the surface faces the sample and the light emits towards the surface; `d` leads to the sample.
+fn faces(receiver: Receiver, d: vec3<f32>) -> bool {
+    let emits = params.two_sided != 0u || dot(params.light_normal, d) < 0.0;
+    let cone = params.cos_cutoff <= -1.0 || params.cos_cutoff * length(d) <= -dot(params.cone_axis, d);
+    return emits && cone && dot(receiver.normal_geo, d) > 0.0 && dot(receiver.normal_shade, d) > 0.0;
+}
+
+// Bits of the strata from `first` on, at most 32.
+fn visible_bits(receiver: Receiver, first: u32) -> u32 {
+    var bits = 0u;
+    let row = receiver.pattern * params.strata;
+    let count = min(params.strata - first, 32u);
+    for (var k = 0u; k < count; k++) {
+        let point = points[row + first + k];
+        let ray = Ray(receiver.origin, 0.0, point.xyz - receiver.origin, point.w);
+        if !faces(receiver, ray.direction) {
+            continue;
+        }
+        count_rays(1u);
+        if active_ray(ray) && trace_ray(ray, true).instance == MISS {
+            bits |= 1u << k;
+        }
+    }
+    return bits;
+}
+
+@compute @workgroup_size(SIZE)
+fn main(
+    @builtin(workgroup_id) group: vec3<u32>,
+    @builtin(num_workgroups) groups: vec3<u32>,
+    @builtin(local_invocation_index) lane: u32,
+) {
+    let item = item_index(grid, group, groups, SIZE, lane);
+    if item < grid.end {
+        let index = item % params.receivers;
+        let word = item / params.receivers;
+        let receiver = receivers[index];
+        var bits = 0u;
+        if receiver.pattern < params.patterns {
+            bits = visible_bits(receiver, 32u * word);
+        }
+        visibility[index * params.words + word] = bits;
+    }
+    add_rays(lane);
+}

@@ -1,0 +1,189 @@
+//! Records the work of a frame in order, submits it, times it, and lets it be cancelled.
+
+use std::time::Instant;
+
+use bytemuck::Pod;
+
+use crate::error::{Error, Result};
+use crate::gpu::context::Gpu;
+use crate::gpu::kernel::Kernel;
+use crate::gpu::pass::Pass;
+use crate::gpu::resource::Buffer;
+use crate::gpu::staging::Staging;
+use crate::gpu::timing::{Clock, Times};
+
+/// Asked between pieces of work, from the recording thread; `true` ends the render with [`Error::Cancelled`].
+pub type Cancel<'a> = &'a (dyn Fn() -> bool + Sync);
+
+/// A check that never cancels.
+pub fn never() -> Cancel<'static> {
+    &|| false
+}
+
+/// Predicted time after which recorded work is submitted and the caller asked whether to go on, nanoseconds.
+pub(crate) const PIECE_NS: f64 = 100e6;
+
+/// The passes of a frame in order. Dropping it before [`Recorder::finish`] discards what was not submitted.
+pub struct Recorder<'a> {
+    pub(crate) gpu: Gpu,
+    cancel: Cancel<'a>,
+    encoder: Option<wgpu::CommandEncoder>,
+    pub(crate) staging: Staging,
+    pub(crate) clock: Clock,
+    scope: String,
+    /// Predicted time of what is recorded and not submitted, nanoseconds.
+    pub(crate) predicted_ns: f64,
+}
+
+impl Gpu {
+    /// Starts to record; `cancel` is asked between pieces of long work.
+    ///
+    /// # Errors
+    /// [`Error::Device`] when the device cannot be used.
+    pub fn record<'a>(&self, cancel: Cancel<'a>) -> Result<Recorder<'a>> {
+        self.check()?;
+        Ok(Recorder {
+            gpu: self.clone(),
+            cancel,
+            encoder: None,
+            staging: Staging::new(self)?,
+            clock: Clock::new(self)?,
+            scope: String::new(),
+            predicted_ns: 0.0,
+        })
+    }
+}
+
+impl<'a> Recorder<'a> {
+    /// The device.
+    pub fn gpu(&self) -> &Gpu {
+        &self.gpu
+    }
+
+    /// Starts a pass: `recorder.pass("gather", &kernel).bind("hits", &hits).dispatch(count)?`.
+    pub fn pass<'r>(&'r mut self, stage: &str, kernel: &'r Kernel) -> Pass<'r, 'a> {
+        let stage = self.stage(stage);
+        Pass::new(self, stage, kernel)
+    }
+
+    /// Names of the stages inside `work` start with `scope/`.
+    ///
+    /// # Errors
+    /// Those of `work`.
+    pub fn scope<R>(&mut self, scope: &str, work: impl FnOnce(&mut Self) -> Result<R>) -> Result<R> {
+        let outer = self.enter(scope);
+        let result = work(self);
+        self.leave(outer);
+        result
+    }
+
+    /// As [`Recorder::scope`], where no closure can hold the recorder; returns the outer scope for
+    /// [`Recorder::leave`].
+    pub fn enter(&mut self, scope: &str) -> String {
+        let inner = self.stage(scope);
+        std::mem::replace(&mut self.scope, inner)
+    }
+
+    /// Ends what [`Recorder::enter`] began.
+    pub fn leave(&mut self, outer: String) {
+        self.scope = outer;
+    }
+
+    /// Runs host code after everything recorded so far is done; its wall time is the stage's.
+    ///
+    /// # Errors
+    /// Those of `work`, [`Error::Device`], [`Error::Cancelled`].
+    pub fn host<R>(&mut self, stage: &str, work: impl FnOnce(&Gpu, Cancel<'a>) -> Result<R>) -> Result<R> {
+        self.flush()?;
+        self.gpu.wait()?;
+        self.check_cancel()?;
+        let stage = self.stage(stage);
+        let started = Instant::now();
+        let result = work(&self.gpu, self.cancel);
+        self.clock.add(&stage, started.elapsed().as_secs_f64() * 1e3);
+        result
+    }
+
+    /// Fills a buffer with zeros, in order with the passes.
+    ///
+    /// # Errors
+    /// [`Error::Device`].
+    pub fn clear<T: Pod>(&mut self, buffer: &Buffer<T>) -> Result<()> {
+        let gpu = self.gpu.clone();
+        let encoder = self.encoder();
+        gpu.scoped(&format!("clearing {buffer:?}"), || encoder.clear_buffer(buffer.raw(), 0, None))
+    }
+
+    /// Copies the first `count` elements, in order with the passes.
+    ///
+    /// # Errors
+    /// [`Error::Device`] when they do not fit.
+    pub fn copy<T: Pod>(&mut self, from: &Buffer<T>, to: &Buffer<T>, count: usize) -> Result<()> {
+        from.check_range(&(0..count))?;
+        to.check_range(&(0..count))?;
+        let bytes = ((count * size_of::<T>()) as u64).next_multiple_of(4);
+        let gpu = self.gpu.clone();
+        let encoder = self.encoder();
+        gpu.scoped(&format!("copying {from:?}"), || encoder.copy_buffer_to_buffer(from.raw(), 0, to.raw(), 0, bytes))
+    }
+
+    /// Submits what is recorded, without waiting for it.
+    ///
+    /// # Errors
+    /// [`Error::Device`].
+    pub fn flush(&mut self) -> Result<()> {
+        let Some(encoder) = self.encoder.take() else {
+            return Ok(());
+        };
+        let (gpu, staging) = (&self.gpu, &mut self.staging);
+        self.predicted_ns = 0.0;
+        gpu.scoped("submitting", || {
+            staging.flush(gpu.queue());
+            gpu.queue().submit([encoder.finish()]);
+        })?;
+        if self.clock.full() {
+            self.clock.collect(&self.gpu)?;
+        }
+        Ok(())
+    }
+
+    /// Submits and waits for everything, and returns where the time went.
+    ///
+    /// # Errors
+    /// [`Error::Device`], [`Error::Cancelled`].
+    pub fn finish(mut self) -> Result<Times> {
+        self.flush()?;
+        self.gpu.wait()?;
+        self.check_cancel()?;
+        self.clock.finish(&self.gpu)
+    }
+
+    /// Asks the caller whether to go on.
+    ///
+    /// # Errors
+    /// [`Error::Cancelled`].
+    pub fn check_cancel(&self) -> Result<()> {
+        if (self.cancel)() { Err(Error::Cancelled) } else { Ok(()) }
+    }
+
+    /// Full name of a stage inside the current scope.
+    pub(crate) fn stage(&self, name: &str) -> String {
+        if self.scope.is_empty() { name.to_string() } else { format!("{}/{name}", self.scope) }
+    }
+
+    pub(crate) fn encoder(&mut self) -> &mut wgpu::CommandEncoder {
+        let device = self.gpu.device();
+        self.encoder.get_or_insert_with(|| {
+            device.create_command_encoder(&wgpu::CommandEncoderDescriptor { label: Some("frame") })
+        })
+    }
+
+    /// The encoder and the clock at once.
+    pub(crate) fn parts(&mut self) -> (&mut wgpu::CommandEncoder, &mut Clock) {
+        self.encoder();
+        let Self { encoder, clock, gpu, .. } = self;
+        let device = gpu.device();
+        let encoder = encoder.get_or_insert_with(|| device.create_command_encoder(&Default::default()));
+        (encoder, clock)
+    }
+}

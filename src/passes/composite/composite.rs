@@ -1,0 +1,70 @@
+//! Emitted light plus albedo times irradiance.
+
+use bytemuck::{Pod, Zeroable};
+
+use crate::error::Result;
+use crate::gpu::Buffer;
+use crate::passes::{Context, GBuffer};
+
+/// Twin of `CompositeParams` in `shaders/passes/composite/composite.wgsl`.
+#[repr(C)]
+#[derive(Debug, Clone, Copy, Pod, Zeroable)]
+pub struct CompositeParams {
+    /// 1: there is direct irradiance.
+    pub direct: u32,
+    /// 1: there is indirect irradiance.
+    pub indirect: u32,
+    /// Unused.
+    pub pad0: u32,
+    /// Unused.
+    pub pad1: u32,
+}
+
+/// Radiance images, internal pixels.
+#[derive(Debug, Clone)]
+pub struct Images {
+    /// Emitted, direct and indirect.
+    pub image: Buffer<[f32; 4]>,
+    /// Direct light alone.
+    pub direct: Buffer<[f32; 4]>,
+    /// Indirect light alone; one element when there is none.
+    pub indirect: Option<Buffer<[f32; 4]>>,
+}
+
+/// Composes the images; an irradiance that is not there counts as zero.
+///
+/// # Errors
+/// Those of the device.
+pub fn record(
+    context: &mut Context<'_, '_>,
+    gbuffer: &GBuffer,
+    direct: Option<&Buffer<[f32; 4]>>,
+    indirect: Option<&Buffer<[f32; 4]>>,
+) -> Result<Images> {
+    let kernel = context.kernel("composite/composite", "main")?;
+    let pixels = context.view.pixels();
+    let nothing: Buffer<[f32; 4]> = context.resources.buffer("nothing", 1)?;
+    let images = Images {
+        image: context.resources.buffer("image", pixels)?,
+        direct: context.resources.buffer("direct", pixels)?,
+        indirect: indirect.map(|_| context.resources.buffer("indirect", pixels)).transpose()?,
+    };
+    // A binding must be there even where the shader does not touch it: 16 bytes stand for what is not rendered.
+    let nowhere: Buffer<[f32; 4]> = context.resources.buffer("nowhere", 1)?;
+    let params =
+        CompositeParams { direct: direct.is_some().into(), indirect: indirect.is_some().into(), pad0: 0, pad1: 0 };
+    context
+        .recorder
+        .pass("composite", &kernel)
+        .uniform("params", &params)
+        .bind("g_normal", &gbuffer.normal)
+        .bind("g_albedo", &gbuffer.albedo)
+        .bind("lights", context.scene.lights()?)
+        .bind("direct_irradiance", direct.unwrap_or(&nothing))
+        .bind("indirect_irradiance", indirect.unwrap_or(&nothing))
+        .bind("image", &images.image)
+        .bind("direct", &images.direct)
+        .bind("indirect", images.indirect.as_ref().unwrap_or(&nowhere))
+        .dispatch(pixels)?;
+    Ok(images)
+}

@@ -1,0 +1,88 @@
+//! Direct light: shading points, which samples they see, and their sum.
+
+#[allow(clippy::module_inception, reason = "the pass has the name of its stage")]
+pub mod gather;
+pub mod gather_ratio;
+pub mod receivers;
+
+use self::gather::Gathered;
+use crate::error::Result;
+use crate::gpu::Buffer;
+use crate::passes::lights::light_samples;
+use crate::passes::visibility::Receiver;
+use crate::passes::visibility::shadow::ShadowLight;
+use crate::passes::{Context, GBuffer, TILE_PIXELS};
+
+/// Rays that the native trace answers in about 0.1 s on two cores; a GPU takes more at once.
+const RAYS_NATIVE: usize = 1 << 21;
+const RAYS_GPU: usize = 1 << 25;
+/// Receivers of a chunk on a GPU at most, so that their buffers stay small.
+const MOST_RECEIVERS: usize = 1 << 19;
+
+/// Irradiance from all lights, a pixel each, and how many light samples were evaluated.
+pub struct Direct {
+    /// Irradiance, W·m⁻².
+    pub irradiance: Buffer<[f32; 4]>,
+    /// Active receivers, counted on the device.
+    pub active: Buffer<u32>,
+    /// Samples of all lights together.
+    pub samples: u64,
+}
+
+/// Receivers that are worked on at once.
+fn chunk_len(context: &Context<'_, '_>, strata: u32) -> usize {
+    let rays = if context.tracer.native() { RAYS_NATIVE } else { RAYS_GPU };
+    let receivers = (rays / strata as usize).clamp(4096, MOST_RECEIVERS);
+    receivers.next_multiple_of(TILE_PIXELS as usize).min(context.view.tiled as usize)
+}
+
+/// Direct irradiance of every pixel, chunk by chunk: all lights of a chunk share its receivers.
+///
+/// # Errors
+/// Those of the device; `Cancelled`.
+pub fn record(context: &mut Context<'_, '_>, gbuffer: &GBuffer) -> Result<Direct> {
+    let irradiance = context.resources.buffer("direct_irradiance", context.view.pixels())?;
+    let active = context.resources.buffer("active_receivers", 1)?;
+    context.recorder.clear(&irradiance)?;
+    context.recorder.clear(&active)?;
+    let samples = light_samples::record(context)?;
+    let most = samples.iter().map(|s| s.strata).max().unwrap_or(1);
+    let words = if context.settings.is("visibility", "none") { 0 } else { most.div_ceil(32) as usize };
+    let len = chunk_len(context, most);
+    let receivers: Buffer<Receiver> = context.resources.buffer("receivers", len)?;
+    let visibility: Buffer<u32> = context.resources.buffer("visibility", (len * words).max(1))?;
+    let mut first = 0;
+    while first < context.view.tiled as usize {
+        let count = len.min(context.view.tiled as usize - first);
+        receivers::record(context, gbuffer, first, count, &receivers, &active)?;
+        for light in &samples {
+            let (receivers, visibility, irradiance) = (&receivers, &visibility, &irradiance);
+            shade(context, &Gathered { light, receivers, visibility, count, traced: words > 0, irradiance })?;
+        }
+        first += count;
+    }
+    let samples = samples.iter().map(|s| u64::from(s.strata)).sum();
+    Ok(Direct { irradiance, active, samples })
+}
+
+fn shade(context: &mut Context<'_, '_>, work: &Gathered<'_>) -> Result<()> {
+    let light = work.light;
+    if work.traced {
+        let asked = ShadowLight {
+            points: &light.points,
+            strata: light.strata,
+            light_normal: light.normal.to_array(),
+            two_sided: light.two_sided,
+            cone_axis: light.normal.to_array(),
+            cos_cutoff: light.cos_cutoff,
+        };
+        let (tracer, range) = (context.tracer, 0..work.count);
+        context.rays += tracer.shadow(context.recorder, "shadow", work.receivers, &asked, work.visibility, range)?;
+    }
+    let is_area = light.cos_cutoff < -1.0;
+    if is_area && context.settings.is("direct_estimator", "ratio") {
+        gather_ratio::record(context, work)
+    } else {
+        gather::record(context, work)
+    }
+}

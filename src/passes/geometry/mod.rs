@@ -1,0 +1,4 @@
+//! What each pixel sees.
+
+pub mod gbuffer;
+pub mod primary_rays;

@@ -1,0 +1,27 @@
+//! Light at the hits of a wave, and the rays that go on.
+
+use super::{GatherWave, Lists};
+use crate::error::Result;
+use crate::passes::Context;
+
+/// Shades the hits: pending light and its shadow ray, and the next ray.
+///
+/// # Errors
+/// Those of the device.
+pub(super) fn record(context: &mut Context<'_, '_>, wave: &GatherWave, lists: &Lists) -> Result<()> {
+    let kernel = context.kernel("indirect/gather_hits", "main")?;
+    let scene = context.scene;
+    context
+        .recorder
+        .pass("gather_hits", &kernel)
+        .uniform("wave", wave)
+        .bind("hits", &lists.hits)
+        .bind("rays", &lists.rays)
+        .bind("paths", &lists.paths)
+        .bind("shadow_rays", &lists.shadow_rays)
+        .bind("geometry", scene.geometry()?)
+        .bind("instances", scene.instances()?)
+        .bind("texels", scene.texels()?)
+        .bind("lights", scene.lights()?)
+        .dispatch(wave.size())
+}

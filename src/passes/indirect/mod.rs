@@ -1,0 +1,148 @@
+//! Indirect light by a final gather: stratified hemisphere rays from every pixel, whose hits are lit by the lights and
+//! may go on as paths. Worked on in waves of whole tiles and ranges of strata.
+
+pub mod gather_hits;
+pub mod gather_rays;
+pub mod gather_sum;
+
+use bytemuck::{Pod, Zeroable};
+
+use crate::error::Result;
+use crate::gpu::Buffer;
+use crate::passes::visibility::{Hit, Ray};
+use crate::passes::{Context, GBuffer, TILE_PIXELS};
+use crate::scene::prepare::strata_grid;
+
+/// Rays of a wave: what the native trace answers in about 0.1 s; a GPU takes more at once.
+const WAVE_NATIVE: u32 = 1 << 18;
+const WAVE_GPU: u32 = 1 << 20;
+
+/// Twin of `GatherPath` in `shaders/common/gather_path.wgsl`.
+#[repr(C)]
+#[derive(Debug, Clone, Copy, Pod, Zeroable)]
+pub struct GatherPath {
+    /// Irradiance a unit of radiance at the ray's end.
+    pub throughput: [f32; 3],
+    /// Whose irradiance.
+    pub pixel: u32,
+    /// What the shadow ray carries.
+    pub pending: [f32; 3],
+    /// Of the hemisphere.
+    pub stratum: u32,
+}
+
+/// Twin of `GatherWave` in `shaders/common/gather_path.wgsl`.
+#[repr(C)]
+#[derive(Debug, Clone, Copy, Pod, Zeroable)]
+pub struct GatherWave {
+    /// Internal columns.
+    pub width: u32,
+    /// Internal rows.
+    pub height: u32,
+    /// First tile of the wave.
+    pub first_tile: u32,
+    /// Tiles of the wave.
+    pub tiles: u32,
+    /// First stratum of the wave.
+    pub first_stratum: u32,
+    /// Strata of the wave.
+    pub strata: u32,
+    /// Strata of the hemisphere along one axis.
+    pub strata_u: u32,
+    /// Along the other.
+    pub strata_v: u32,
+    /// Lights of the scene.
+    pub lights: u32,
+    /// The user's seed.
+    pub seed: u32,
+    /// Which bounce the hits are of, from 0.
+    pub bounce: u32,
+    /// 1: no ray goes on.
+    pub last: u32,
+}
+
+impl GatherWave {
+    /// Rays of the wave.
+    pub fn size(&self) -> usize {
+        (self.tiles * self.strata * TILE_PIXELS) as usize
+    }
+}
+
+/// The lists of a wave.
+struct Lists {
+    rays: Buffer<Ray>,
+    hits: Buffer<Hit>,
+    paths: Buffer<GatherPath>,
+    shadow_rays: Buffer<Ray>,
+    occluded: Buffer<u32>,
+}
+
+impl Lists {
+    fn new(context: &mut Context<'_, '_>, len: usize) -> Result<Self> {
+        Ok(Self {
+            rays: context.resources.buffer("gather_rays", len)?,
+            hits: context.resources.buffer("gather_hits", len)?,
+            paths: context.resources.buffer("gather_paths", len)?,
+            shadow_rays: context.resources.buffer("gather_shadow_rays", len)?,
+            occluded: context.resources.buffer("gather_occluded", len.div_ceil(32))?,
+        })
+    }
+}
+
+/// Indirect irradiance of every pixel.
+///
+/// # Errors
+/// Those of the device; `Cancelled`.
+pub fn record(context: &mut Context<'_, '_>, gbuffer: &GBuffer) -> Result<Buffer<[f32; 4]>> {
+    let irradiance = context.resources.buffer("indirect_irradiance", context.view.pixels())?;
+    context.recorder.clear(&irradiance)?;
+    let rays = context.settings.int("gather_rays");
+    let [strata_u, strata_v] = strata_grid(rays, 1.0, 1.0);
+    let capacity = if context.tracer.native() { WAVE_NATIVE } else { WAVE_GPU };
+    let tiles = context.view.tiled / TILE_PIXELS;
+    // A wave holds whole tiles with all their strata, or where there are too many of these a part of one tile's.
+    let strata_at_once = rays.min(capacity / TILE_PIXELS);
+    let tiles_at_once = (capacity / (TILE_PIXELS * strata_at_once)).clamp(1, tiles);
+    let lists = Lists::new(context, (tiles_at_once * strata_at_once * TILE_PIXELS) as usize)?;
+    for first_tile in (0..tiles).step_by(tiles_at_once as usize) {
+        for first_stratum in (0..rays).step_by(strata_at_once as usize) {
+            let wave = GatherWave {
+                width: context.view.width,
+                height: context.view.height,
+                first_tile,
+                tiles: tiles_at_once.min(tiles - first_tile),
+                first_stratum,
+                strata: strata_at_once.min(rays - first_stratum),
+                strata_u,
+                strata_v,
+                lights: context.prepared.lights as u32,
+                seed: context.settings.int("seed"),
+                bounce: 0,
+                last: 0,
+            };
+            record_wave(context, gbuffer, wave, &lists, &irradiance)?;
+        }
+    }
+    Ok(irradiance)
+}
+
+fn record_wave(
+    context: &mut Context<'_, '_>,
+    gbuffer: &GBuffer,
+    mut wave: GatherWave,
+    lists: &Lists,
+    irradiance: &Buffer<[f32; 4]>,
+) -> Result<()> {
+    let bounces = context.settings.int("bounces");
+    let count = wave.size();
+    gather_rays::record(context, gbuffer, &wave, &lists.rays, &lists.paths)?;
+    for bounce in 0..bounces {
+        (wave.bounce, wave.last) = (bounce, u32::from(bounce + 1 == bounces));
+        context.rays += context.tracer.closest(context.recorder, "trace", &lists.rays, &lists.hits, 0..count)?;
+        gather_hits::record(context, &wave, lists)?;
+        context.rays +=
+            context.tracer.any(context.recorder, "shadow", &lists.shadow_rays, &lists.occluded, 0..count)?;
+        gather_sum::record(context, &wave, &lists.paths, &lists.occluded, irradiance)?;
+    }
+    Ok(())
+}

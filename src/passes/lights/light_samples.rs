@@ -1,0 +1,140 @@
+//! Sample points of each light and what they stand for.
+
+use bytemuck::{Pod, Zeroable};
+use glam::Vec3;
+
+use crate::error::Result;
+use crate::gpu::Buffer;
+use crate::passes::Context;
+use crate::scene::prepare::{LIGHT_ROWS, strata_grid};
+
+/// Sets of jittered points; a pixel uses one by its hash. Enough that neighbours rarely share one, few enough that a
+/// light's table stays in a cache.
+const PATTERNS: u32 = 64;
+/// A shadow ray ends just short of its sample, whose own rounding moves its surface (N5).
+const T_MAX: f32 = 0.9999;
+
+/// Twin of `LightSamplesParams` in `shaders/passes/lights/light_samples.wgsl`.
+#[repr(C)]
+#[derive(Debug, Clone, Copy, Pod, Zeroable)]
+pub struct LightSamplesParams {
+    /// Which light.
+    pub light: u32,
+    /// Strata along edge u.
+    pub strata_u: u32,
+    /// Strata along edge v.
+    pub strata_v: u32,
+    /// Sets of points.
+    pub patterns: u32,
+    /// The user's seed.
+    pub seed: u32,
+    /// 0: the middle of each stratum.
+    pub jittered: u32,
+    /// Written as the points' fourth number.
+    pub t_max: f32,
+    /// Unused.
+    pub pad: u32,
+}
+
+/// The samples of one light.
+#[derive(Debug, Clone)]
+pub struct LightSamples {
+    /// Which light.
+    pub light: u32,
+    /// Samples a pattern.
+    pub strata: u32,
+    /// Sets of points.
+    pub patterns: u32,
+    /// patterns × strata points, fourth number the largest t of a ray to it.
+    pub points: Buffer<[f32; 4]>,
+    /// For each stratum its mean radiance times its area.
+    pub radiance: Buffer<[f32; 4]>,
+    /// Of the lit side, or a spot's axis.
+    pub normal: Vec3,
+    /// Lit from both sides; true for spots.
+    pub two_sided: bool,
+    /// Cosine of a spot's half-angle, −2 for area lights.
+    pub cos_cutoff: f32,
+}
+
+/// How many sets of points a pattern setting needs.
+pub fn patterns(context: &Context<'_, '_>) -> u32 {
+    if context.settings.is("light_pattern", "jittered") { PATTERNS } else { 1 }
+}
+
+/// Samples every light.
+///
+/// # Errors
+/// Those of the device.
+pub fn record(context: &mut Context<'_, '_>) -> Result<Vec<LightSamples>> {
+    let prepared = context.prepared;
+    (0..prepared.lights)
+        .map(|light| if light < prepared.area_lights { area(context, light) } else { spot(context, light) })
+        .collect()
+}
+
+fn rows<'p>(context: &Context<'p, '_>, light: usize) -> &'p [[f32; 4]] {
+    &context.prepared.light_rows[light * LIGHT_ROWS..][..LIGHT_ROWS]
+}
+
+fn xyz(row: [f32; 4]) -> Vec3 {
+    Vec3::new(row[0], row[1], row[2])
+}
+
+fn area(context: &mut Context<'_, '_>, light: usize) -> Result<LightSamples> {
+    let rows = rows(context, light);
+    let strata = context.settings.int("light_samples");
+    let [strata_u, strata_v] = strata_grid(strata, f64::from(xyz(rows[1]).length()), f64::from(xyz(rows[2]).length()));
+    let patterns = patterns(context);
+    let params = LightSamplesParams {
+        light: light as u32,
+        strata_u,
+        strata_v,
+        patterns,
+        seed: context.settings.int("seed"),
+        jittered: u32::from(patterns > 1),
+        t_max: T_MAX,
+        pad: 0,
+    };
+    let count = (patterns * strata) as usize;
+    let points = context.resources.buffer(&format!("light_points/{light}"), count)?;
+    let radiance = context.resources.buffer(&format!("light_radiance/{light}"), strata as usize)?;
+    let kernel = context.kernel("lights/light_samples", "points")?;
+    let lights = context.scene.lights()?;
+    let pass = context.recorder.pass("light_samples", &kernel).uniform("params", &params);
+    pass.bind("lights", lights).bind("light_points", &points).dispatch(count)?;
+    let kernel = context.kernel("lights/light_samples", "radiance")?;
+    let pass = context.recorder.pass("light_samples", &kernel).uniform("params", &params);
+    pass.bind("lights", lights).bind("light_radiance", &radiance).dispatch_groups(strata as usize)?;
+    Ok(LightSamples {
+        light: light as u32,
+        strata,
+        patterns,
+        points,
+        radiance,
+        normal: xyz(rows[3]),
+        two_sided: rows[1][3] != 0.0,
+        cos_cutoff: -2.0,
+    })
+}
+
+/// A spot is one point in every pattern.
+fn spot(context: &mut Context<'_, '_>, light: usize) -> Result<LightSamples> {
+    let rows = rows(context, light);
+    let patterns = patterns(context);
+    let points = context.resources.buffer(&format!("light_points/{light}"), patterns as usize)?;
+    let radiance = context.resources.buffer(&format!("light_radiance/{light}"), 1)?;
+    let gpu = context.recorder.gpu();
+    points.write(gpu, 0, &vec![xyz(rows[0]).extend(T_MAX).to_array(); patterns as usize])?;
+    radiance.write(gpu, 0, &[xyz(rows[4]).extend(0.0).to_array()])?;
+    Ok(LightSamples {
+        light: light as u32,
+        strata: 1,
+        patterns,
+        points,
+        radiance,
+        normal: xyz(rows[3]),
+        two_sided: true,
+        cos_cutoff: rows[4][3],
+    })
+}

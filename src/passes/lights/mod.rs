@@ -1,0 +1,3 @@
+//! Where lights are sampled.
+
+pub mod light_samples;

@@ -1,0 +1,11 @@
+//! Rays are lists: one pass writes them, the trace answers, the next pass reads the answers.
+
+mod native;
+pub mod placed;
+pub mod shadow;
+pub mod trace;
+pub mod trace_native;
+pub mod trace_wgsl;
+mod tree_upload;
+
+pub use trace_native::{Hit, Ray, Receiver};

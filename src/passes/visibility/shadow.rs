@@ -1,0 +1,134 @@
+//! Which samples of a light each receiver sees: one bit a stratum. In two forms, as `trace`.
+use std::ops::Range;
+
+use bytemuck::{Pod, Zeroable};
+
+use super::trace::{FIRST_RAYS, GO_ON, Tracer, pieces};
+use super::trace_native::{Receiver, SampleTable};
+use super::trace_wgsl::WgslTrace;
+use crate::error::Result;
+use crate::gpu::{Buffer, Recorder};
+
+/// Twin of `ShadowParams` in `shaders/passes/visibility/shadow.wgsl`.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Pod, Zeroable)]
+pub struct ShadowParams {
+    /// Unit normal of the light.
+    pub light_normal: [f32; 3],
+    /// 1: both sides emit.
+    pub two_sided: u32,
+    /// Unit axis of the cone, away from the light.
+    pub cone_axis: [f32; 3],
+    /// Cosine of the cone's half-angle; -1 and below: no cone.
+    pub cos_cutoff: f32,
+    /// Receivers of the list.
+    pub receivers: u32,
+    /// Samples of a pattern.
+    pub strata: u32,
+    /// Patterns of the table.
+    pub patterns: u32,
+    /// Words of bits a receiver.
+    pub words: u32,
+}
+
+/// Samples of one light on the device; see [`super::trace_native::SampleTable`].
+#[derive(Clone, Copy, Debug)]
+pub struct ShadowLight<'a> {
+    /// Patterns × strata: a scene-space point on the light, and the largest `t` (just under 1).
+    pub points: &'a Buffer<[f32; 4]>,
+    /// Samples of a pattern.
+    pub strata: u32,
+    /// Unit normal of the light.
+    pub light_normal: [f32; 3],
+    /// Both sides emit; also true for spots.
+    pub two_sided: bool,
+    /// Unit axis of the cone, away from the light.
+    pub cone_axis: [f32; 3],
+    /// Cosine of the cone's half-angle; -2: no cone.
+    pub cos_cutoff: f32,
+}
+
+impl ShadowLight<'_> {
+    /// Words of visibility bits that a receiver has.
+    pub fn words(&self) -> usize {
+        (self.strata as usize).div_ceil(32)
+    }
+}
+
+impl Tracer {
+    /// Which samples of a light the receivers of `range` see, [`ShadowLight::words`] words a receiver. As
+    /// [`Tracer::closest`] otherwise; `range` starts at a multiple of 64.
+    ///
+    /// # Errors
+    /// `Device`, `Cancelled`.
+    pub fn shadow(
+        &self,
+        recorder: &mut Recorder<'_>,
+        stage: &str,
+        receivers: &Buffer<Receiver>,
+        light: &ShadowLight<'_>,
+        visibility: &Buffer<u32>,
+        range: Range<usize>,
+    ) -> Result<u64> {
+        if let Some(wgsl) = &self.wgsl {
+            return record(wgsl, recorder, stage, receivers, light, visibility, range).map(|()| 0);
+        }
+        let words = light.words();
+        recorder.host(stage, |gpu, cancel| {
+            let points = gpu.view(light.points, 0..light.points.len())?;
+            let receivers = gpu.view(receivers, range.clone())?;
+            let mut answers = gpu.view_mut(visibility, range.start * words..range.end * words)?;
+            let table = SampleTable {
+                points: &points,
+                strata: light.strata,
+                light_normal: light.light_normal,
+                two_sided: light.two_sided,
+                cone_axis: light.cone_axis,
+                cos_cutoff: light.cos_cutoff,
+            };
+            let first = (FIRST_RAYS / light.strata.max(1) as usize).max(64);
+            let mut traced = 0;
+            pieces(cancel, range.len(), first, 64, |part| {
+                let bits = &mut answers[part.start * words..part.end * words];
+                traced += self.scene.shadow(&receivers[part], &table, bits, &GO_ON);
+            })?;
+            answers.commit(gpu)?;
+            Ok(traced)
+        })
+    }
+}
+
+/// The WGSL form of [`Tracer::shadow`].
+fn record(
+    wgsl: &WgslTrace,
+    recorder: &mut Recorder<'_>,
+    stage: &str,
+    receivers: &Buffer<Receiver>,
+    light: &ShadowLight<'_>,
+    visibility: &Buffer<u32>,
+    range: Range<usize>,
+) -> Result<()> {
+    if range.is_empty() || light.strata == 0 {
+        return Ok(());
+    }
+    let gpu = recorder.gpu().clone();
+    let kernel = gpu.kernel("passes/visibility/shadow", "main", &[])?;
+    let words = light.words();
+    let params = ShadowParams {
+        light_normal: light.light_normal,
+        two_sided: u32::from(light.two_sided),
+        cone_axis: light.cone_axis,
+        cos_cutoff: light.cos_cutoff,
+        receivers: range.len() as u32,
+        strata: light.strata,
+        patterns: light.points.len() as u32 / light.strata,
+        words: words as u32,
+    };
+    let rays_an_item = f64::from(light.strata.min(32));
+    wgsl.pass(recorder, stage, &kernel)?
+        .uniform("params", &params)
+        .bind("points", light.points)
+        .bind("receivers", receivers.range(&gpu, range.clone())?)
+        .bind("visibility", visibility.range(&gpu, range.start * words..range.end * words)?)
+        .dispatch_cut(range.len() * words, wgsl.ns_per_ray * rays_an_item)
+}

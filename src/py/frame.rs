@@ -1,0 +1,105 @@
+//! The handle of a rendered frame.
+
+use std::sync::Arc;
+
+use numpy::ndarray::{Array2, Array3};
+use numpy::{Element, IntoPyArray};
+use pyo3::prelude::*;
+use pyo3::types::PyDict;
+
+use super::error::raise;
+use super::settings::settings_to_python;
+use crate::frame::{FrameInfo, Image, Pixels};
+use crate::renderer::Renderer;
+
+/// A rendered frame; its images stay on the device until they are read.
+#[pyclass(frozen, name = "Frame", module = "miplight._core")]
+pub(crate) struct PyFrame {
+    pub(super) renderer: Arc<Renderer>,
+    pub(super) info: FrameInfo,
+    pub(super) names: Vec<String>,
+}
+
+fn plane<T: Element>(py: Python<'_>, image: (u32, u32), values: Vec<T>) -> PyResult<Py<PyAny>> {
+    let shape = (image.1 as usize, image.0 as usize);
+    let array =
+        Array2::from_shape_vec(shape, values).map_err(|e| pyo3::exceptions::PyRuntimeError::new_err(e.to_string()))?;
+    Ok(array.into_pyarray(py).into_any().unbind())
+}
+
+fn to_numpy(py: Python<'_>, image: Image) -> PyResult<Py<PyAny>> {
+    let size = (image.width, image.height);
+    match image.pixels {
+        Pixels::Rgb(values) => {
+            let array = Array3::from_shape_vec((size.1 as usize, size.0 as usize, 3), values)
+                .map_err(|e| pyo3::exceptions::PyRuntimeError::new_err(e.to_string()))?;
+            Ok(array.into_pyarray(py).into_any().unbind())
+        }
+        Pixels::Scalar(values) => plane(py, size, values),
+        Pixels::Mask(values) => plane(py, size, values),
+        Pixels::Bytes(values) => plane(py, size, values),
+        Pixels::Words(values) => plane(py, size, values),
+    }
+}
+
+#[pymethods]
+impl PyFrame {
+    /// The resource `name` as an array.
+    ///
+    /// Raises DeviceError once the renderer rendered again or was closed, SettingsError for an unknown name.
+    fn read(&self, py: Python<'_>, name: &str) -> PyResult<Py<PyAny>> {
+        let image = raise(py, py.detach(|| self.renderer.read(&self.info, name)))?;
+        to_numpy(py, image)
+    }
+
+    /// What can be read.
+    #[getter]
+    fn names(&self) -> Vec<String> {
+        self.names.clone()
+    }
+
+    /// Columns of the image.
+    #[getter]
+    fn width(&self) -> u32 {
+        self.info.width
+    }
+
+    /// Rows of the image.
+    #[getter]
+    fn height(&self) -> u32 {
+        self.info.height
+    }
+
+    /// Every setting, resolved.
+    #[getter]
+    fn settings<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
+        settings_to_python(py, &self.info.settings)
+    }
+
+    /// Times in milliseconds, counts, and what was skipped, empty or rebuilt.
+    #[getter]
+    fn stats<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
+        let stats = &self.info.stats;
+        let dict = PyDict::new(py);
+        let pairs = |pairs: &[(String, String)]| -> PyResult<Bound<'py, PyDict>> {
+            let dict = PyDict::new(py);
+            pairs.iter().try_for_each(|(name, reason)| dict.set_item(name, reason))?;
+            Ok(dict)
+        };
+        let stages = PyDict::new(py);
+        for (name, ms) in &stats.stages {
+            stages.set_item(name, ms)?;
+        }
+        dict.set_item("total_ms", stats.total_ms)?;
+        dict.set_item("stages", stages)?;
+        dict.set_item("readback_ms", 0.0)?;
+        dict.set_item("rays", stats.rays)?;
+        dict.set_item("light_evaluations", stats.light_evaluations)?;
+        dict.set_item("skipped", pairs(&stats.skipped)?)?;
+        dict.set_item("empty", pairs(&stats.empty)?)?;
+        dict.set_item("rebuilt", &stats.rebuilt)?;
+        dict.set_item("adapter", &self.renderer.adapter().name)?;
+        dict.set_item("device_bytes", stats.device_bytes)?;
+        Ok(dict)
+    }
+}

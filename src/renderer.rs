@@ -1,0 +1,277 @@
+//! The frame as an ordered list of passes, and what is kept between frames.
+
+mod read;
+
+use std::sync::{Mutex, MutexGuard};
+use std::time::Instant;
+
+use crate::error::{Error, Result};
+use crate::frame::{FrameInfo, Stats};
+use crate::gpu::{AdapterFacts, Buffer, Cancel, Gpu, Recorder, Resources, Times};
+use crate::passes::composite::composite::{self, Images};
+use crate::passes::composite::downsample;
+use crate::passes::geometry::{gbuffer, primary_rays};
+use crate::passes::scene_buffers::SceneBuffers;
+use crate::passes::visibility::Hit;
+use crate::passes::visibility::placed::PlacedScene;
+use crate::passes::visibility::trace::{Form, Tracer};
+use crate::passes::{Context, GBuffer, View, gather, indirect};
+use crate::plan::{COMPOSITE, DIRECT, DOWNSAMPLE, GEOMETRY, INDIRECT, Plan, SceneFacts, Valid, plan};
+use crate::scene::camera::Camera;
+use crate::scene::prepare::Prepared;
+use crate::scene::snapshot::Snapshot;
+use crate::settings::Settings;
+
+/// Primary rays that are traced at once: about 0.1 s of work for two cores.
+const PRIMARY_RAYS: usize = 1 << 19;
+
+/// What the G-buffer's albedo and normals are read from; sent anew, it is made anew.
+const SURFACE_PARTS: [&str; 3] = ["geometry", "textures", "instances"];
+
+/// A device with everything that is kept between frames; shared by threads, one frame at a time.
+pub struct Renderer {
+    gpu: Gpu,
+    state: Mutex<State>,
+}
+
+struct State {
+    resources: Resources,
+    scene: SceneBuffers,
+    tracer: Tracer,
+    placed: PlacedScene,
+    generation: u64,
+    /// What the G-buffer of the last frame was made of.
+    seen: Option<(View, u64)>,
+    kept: Option<Kept>,
+}
+
+/// What the last frame left on the device.
+struct Kept {
+    view: View,
+    anchor: glam::DVec3,
+    gbuffer: GBuffer,
+    images: Images,
+    irradiance: [Option<Buffer<[f32; 4]>>; 2],
+}
+
+impl Renderer {
+    /// Opens an adapter: "auto", "gpu", "cpu" or a part of its name. `form` of the trace: what suits the adapter, unless
+    /// given.
+    ///
+    /// # Errors
+    /// `Device` when none fits.
+    pub fn new(adapter: &str, form: Option<Form>) -> Result<Self> {
+        let gpu = Gpu::new(adapter)?;
+        let tracer = match form {
+            Some(form) => Tracer::with_form(&gpu, form)?,
+            None => Tracer::new(&gpu)?,
+        };
+        let state = State {
+            resources: Resources::new(&gpu),
+            scene: SceneBuffers::new(),
+            tracer,
+            placed: PlacedScene::default(),
+            generation: 0,
+            seen: None,
+            kept: None,
+        };
+        Ok(Self { gpu, state: Mutex::new(state) })
+    }
+
+    /// The adapter in use.
+    pub fn adapter(&self) -> &AdapterFacts {
+        self.gpu.facts()
+    }
+
+    /// Its limits, by name.
+    pub fn limits(&self) -> Vec<(&'static str, u64)> {
+        self.gpu.limits_report()
+    }
+
+    /// "native" or "wgsl".
+    pub fn trace_form(&self) -> &'static str {
+        if self.lock().tracer.native() { "native" } else { "wgsl" }
+    }
+
+    /// Gives everything on the device back.
+    pub fn close(&self) {
+        let mut state = self.lock();
+        state.kept = None;
+        state.seen = None;
+        state.generation += 1;
+        state.resources = Resources::new(&self.gpu);
+        state.scene = SceneBuffers::new();
+        self.gpu.close();
+    }
+
+    /// A frame that failed half-way leaves no state that the next one could trip over, so poison does not matter.
+    fn lock(&self) -> MutexGuard<'_, State> {
+        self.state.lock().unwrap_or_else(std::sync::PoisonError::into_inner)
+    }
+
+    /// The passes of a first frame.
+    ///
+    /// # Errors
+    /// `Scene`, `Device` as [`Renderer::render`].
+    pub fn plan(&self, snapshot: &Snapshot, camera: &Camera, settings: &Settings) -> Result<Plan> {
+        self.check(snapshot, camera, settings)?;
+        Ok(plan(SceneFacts::of(snapshot), settings, Valid::default()))
+    }
+
+    fn check(&self, snapshot: &Snapshot, camera: &Camera, settings: &Settings) -> Result<()> {
+        self.gpu.check()?;
+        snapshot.check()?;
+        camera.check()?;
+        let factor = u64::from(settings.int("supersample"));
+        let pixels = u64::from(camera.width) * u64::from(camera.height) * factor * factor;
+        let largest = self.gpu.limits().max_storage_buffer_binding_size.min(self.gpu.limits().max_buffer_size) / 16;
+        if pixels > largest {
+            return Err(Error::Scene(format!(
+                "image size {} x {} with supersample {factor} has {pixels} internal pixels; this adapter holds {} \
+                 (max_storage_buffer_binding_size)",
+                camera.width, camera.height, largest
+            )));
+        }
+        Ok(())
+    }
+
+    /// Renders a frame; its images stay on the device.
+    ///
+    /// # Errors
+    /// `Scene` for what cannot be rendered, `Settings` for unknown names in `keep`, `Device`, `Shader`, and
+    /// `Cancelled` when `cancel` said so.
+    pub fn render(
+        &self,
+        snapshot: &Snapshot,
+        camera: &Camera,
+        settings: &Settings,
+        keep: &[String],
+        cancel: Cancel<'_>,
+    ) -> Result<FrameInfo> {
+        let started = Instant::now();
+        self.check(snapshot, camera, settings)?;
+        read::check_names(keep)?;
+        let mut state = self.lock();
+        state.generation += 1;
+        state.kept = None;
+        let supersample = settings.int("supersample");
+        let prepared = Prepared::new(snapshot);
+        let view = View::new(&camera.supersampled(supersample), prepared.anchor);
+        let mut recorder = self.gpu.record(cancel)?;
+        // Taken: if this frame fails half-way, the next one trusts nothing.
+        let seen = state.seen.take();
+        let rebuilt = recorder.host("upload", |gpu, _| state.sync(gpu, &prepared))?;
+        let repainted = rebuilt.iter().any(|part| SURFACE_PARTS.contains(part));
+        let valid = Valid { gbuffer: !repainted && seen == Some((view, state.placed.version())) };
+        let plan = plan(SceneFacts::of(snapshot), settings, valid);
+        let (kept, work) = state.passes(&mut recorder, &plan, &prepared, settings, view)?;
+        let times = recorder.finish()?;
+        state.seen = Some((view, state.placed.version()));
+        let active = work.active.map(|active| self.gpu.read(&active)).transpose()?.map_or(0, |a| u64::from(a[0]));
+        state.kept = Some(kept);
+        let mut stats = statistics(&plan, times, started);
+        stats.rays = work.rays + state.tracer.device_rays(&self.gpu)?;
+        stats.light_evaluations = active * work.samples;
+        stats.rebuilt = rebuilt.into_iter().map(str::to_owned).collect();
+        stats.device_bytes = self.gpu.allocated_bytes();
+        if plan.runs(DIRECT[1]) && active == 0 {
+            stats.empty.push((DIRECT[1].to_owned(), "no pixel sees a surface".to_owned()));
+        }
+        Ok(FrameInfo {
+            generation: state.generation,
+            width: camera.width,
+            height: camera.height,
+            supersample,
+            stats,
+            settings: settings.clone(),
+        })
+    }
+}
+
+fn statistics(plan: &Plan, times: Times, started: Instant) -> Stats {
+    let total_ms = started.elapsed().as_secs_f64() * 1e3;
+    let mut stages = times.stages;
+    // Work before the recording began (checks, rebasing) is the host's as well.
+    if let Some((_, host)) = stages.iter_mut().find(|(name, _)| name == "host") {
+        *host += total_ms - times.total_ms;
+    }
+    Stats {
+        total_ms,
+        stages,
+        skipped: plan.skipped.iter().map(|(name, reason)| ((*name).to_owned(), (*reason).to_owned())).collect(),
+        ..Stats::default()
+    }
+}
+
+/// What the passes did.
+struct Work {
+    rays: u64,
+    active: Option<Buffer<u32>>,
+    samples: u64,
+}
+
+impl State {
+    fn sync(&mut self, gpu: &Gpu, prepared: &Prepared) -> Result<Vec<&'static str>> {
+        let mut rebuilt = self.placed.sync(&mut self.tracer, gpu, prepared)?;
+        rebuilt.extend(self.scene.sync(gpu, prepared)?);
+        Ok(rebuilt)
+    }
+
+    /// The frame, pass by pass.
+    fn passes(
+        &mut self,
+        recorder: &mut Recorder<'_>,
+        plan: &Plan,
+        prepared: &Prepared,
+        settings: &Settings,
+        view: View,
+    ) -> Result<(Kept, Work)> {
+        let (resources, scene, tracer) = (&mut self.resources, &self.scene, &self.tracer);
+        let mut context = Context { recorder, resources, scene, tracer, prepared, settings, view, rays: 0 };
+        let gbuffer = gbuffer::buffers(&mut context)?;
+        context.scoped("geometry", |context| geometry(context, plan, &gbuffer))?;
+        let direct = match plan.runs(DIRECT[1]) {
+            true => Some(context.scoped("direct", |context| gather::record(context, &gbuffer))?),
+            false => None,
+        };
+        let indirect = match plan.runs(INDIRECT[0]) {
+            true => Some(context.scoped("indirect", |context| indirect::record(context, &gbuffer))?),
+            false => None,
+        };
+        let images = context.scoped("composite", |context| {
+            let direct = direct.as_ref().map(|d| &d.irradiance);
+            let images = composite::record(context, &gbuffer, direct, indirect.as_ref())?;
+            let factor = settings.int("supersample");
+            if plan.runs(DOWNSAMPLE) { downsample::record(context, images, factor) } else { Ok(images) }
+        })?;
+        debug_assert!(plan.runs(COMPOSITE), "every frame is composed");
+        let work = Work {
+            rays: context.rays,
+            samples: direct.as_ref().map_or(0, |d| d.samples),
+            active: direct.as_ref().map(|d| d.active.clone()),
+        };
+        let irradiance = [direct.map(|d| d.irradiance), indirect];
+        Ok((Kept { view, anchor: prepared.anchor, gbuffer, images, irradiance }, work))
+    }
+}
+
+fn geometry(context: &mut Context<'_, '_>, plan: &Plan, gbuffer: &GBuffer) -> Result<()> {
+    if !plan.runs(GEOMETRY[2]) {
+        return Ok(());
+    }
+    let tiled = context.view.tiled as usize;
+    let len = PRIMARY_RAYS.min(tiled);
+    let hits = context.resources.buffer("primary_hits", len)?;
+    let rays = context.resources.buffer("primary_rays", if plan.runs(GEOMETRY[0]) { len } else { 1 })?;
+    for first in (0..tiled).step_by(len) {
+        let count = len.min(tiled - first);
+        if plan.runs(GEOMETRY[0]) {
+            primary_rays::record(context, &rays, first, count)?;
+            context.rays += context.tracer.closest(context.recorder, "trace", &rays, &hits, 0..count)?;
+        } else {
+            hits.write(context.recorder.gpu(), 0, &vec![Hit::MISS; len])?;
+        }
+        gbuffer::record(context, &hits, gbuffer, first, count)?;
+    }
+    Ok(())
+}

@@ -1,0 +1,174 @@
+//! Reading a frame's resources back, by name.
+
+use glam::{DVec3, Vec3};
+
+use super::{Kept, Renderer};
+use crate::error::{Error, Result};
+use crate::frame::{FrameInfo, Image, LEVEL_CULLED, LEVEL_NOTHING, Pixels, Reason};
+use crate::gpu::{Buffer, Gpu};
+
+/// `g_normal`'s fourth word: twins of `shaders/common/gbuffer.wgsl`.
+const NOTHING: u32 = 0;
+const SURFACE: u32 = 1;
+const FIRST_LIGHT: u32 = 2;
+
+/// Everything that can be read from a frame.
+pub(super) const NAMES: [&str; 17] = [
+    "image",
+    "direct",
+    "indirect",
+    "depth",
+    "position",
+    "normal",
+    "albedo",
+    "light_mask",
+    "surface_mask",
+    "level_map",
+    "reason_map",
+    "normal_geometric",
+    "triangle",
+    "instance",
+    "light",
+    "direct_irradiance",
+    "indirect_irradiance",
+];
+
+/// # Errors
+/// `Settings` for a name that no frame has.
+pub(super) fn check_names(names: &[String]) -> Result<()> {
+    match names.iter().find(|name| !NAMES.contains(&name.as_str())) {
+        None => Ok(()),
+        Some(unknown) => {
+            Err(Error::Settings(format!("there is no resource {unknown:?} to keep; there are: {}", NAMES.join(", "))))
+        }
+    }
+}
+
+type Row = [u32; 4];
+
+fn xyz(row: &Row) -> [f32; 3] {
+    [row[0], row[1], row[2]].map(f32::from_bits)
+}
+
+impl Renderer {
+    /// What can be read from a frame.
+    pub fn names(&self, _frame: &FrameInfo) -> Vec<String> {
+        NAMES.iter().map(|name| (*name).to_owned()).collect()
+    }
+
+    /// A resource of a frame.
+    ///
+    /// # Errors
+    /// `Device` once the renderer rendered again or was closed; `Settings` for an unknown name.
+    pub fn read(&self, frame: &FrameInfo, name: &str) -> Result<Image> {
+        check_names(&[name.to_owned()])?;
+        let state = self.lock();
+        self.gpu.check()?;
+        let Some(kept) = state.kept.as_ref().filter(|_| state.generation == frame.generation) else {
+            return Err(Error::Device(format!(
+                "{name:?} of this frame is gone: its renderer has rendered again since; ask for it in outputs= or \
+                 keep=, or read it before"
+            )));
+        };
+        kept.read(&self.gpu, frame, name)
+    }
+}
+
+impl Kept {
+    fn read(&self, gpu: &Gpu, frame: &FrameInfo, name: &str) -> Result<Image> {
+        let (width, height) = (frame.width, frame.height);
+        let whole = |pixels| Ok(Image { width, height, pixels });
+        match name {
+            "image" => whole(rgb(gpu, Some(&self.images.image), frame)?),
+            "direct" => whole(rgb(gpu, Some(&self.images.direct), frame)?),
+            "indirect" => whole(rgb(gpu, self.images.indirect.as_ref(), frame)?),
+            "direct_irradiance" | "indirect_irradiance" => {
+                let buffer = &self.irradiance[usize::from(name == "indirect_irradiance")];
+                let (width, height) = (self.view.width, self.view.height);
+                let pixels = match buffer {
+                    Some(buffer) => three(&gpu.read(buffer)?),
+                    None => vec![0.0; 3 * self.view.pixels()],
+                };
+                Ok(Image { width, height, pixels: Pixels::Rgb(pixels) })
+            }
+            "level_map" | "reason_map" => self.fragments(gpu, name == "level_map"),
+            _ => whole(self.aov(gpu, frame, name)?),
+        }
+    }
+
+    /// Fragment maps are at the internal size: one fragment of level 0 for each pixel that sees a surface.
+    fn fragments(&self, gpu: &Gpu, level: bool) -> Result<Image> {
+        let byte = |row: &Row| match (row[3], level) {
+            (NOTHING, _) => LEVEL_NOTHING,
+            (SURFACE, true) => 0,
+            (SURFACE, false) => Reason::Coarsest as u8,
+            (_, true) => LEVEL_CULLED,
+            (_, false) => Reason::Emitter as u8,
+        };
+        let bytes = gpu.read(&self.gbuffer.normal)?.iter().map(byte).collect();
+        Ok(Image { width: self.view.width, height: self.view.height, pixels: Pixels::Bytes(bytes) })
+    }
+
+    fn aov(&self, gpu: &Gpu, frame: &FrameInfo, name: &str) -> Result<Pixels> {
+        let kinds = pick(&gpu.read(&self.gbuffer.normal)?, frame);
+        let rows = |buffer: &Buffer<Row>| gpu.read(buffer).map(|all| pick(&all, frame));
+        let seen = |row: &Row| row[3] != NOTHING;
+        Ok(match name {
+            "light_mask" => Pixels::Mask(kinds.iter().map(|row| row[3] >= FIRST_LIGHT).collect()),
+            "surface_mask" => Pixels::Mask(kinds.iter().map(|row| row[3] == SURFACE).collect()),
+            "light" => {
+                Pixels::Words(kinds.iter().map(|row| row[3].wrapping_sub(FIRST_LIGHT)).map(light_or_none).collect())
+            }
+            "triangle" => Pixels::Words(rows(&self.gbuffer.geometric)?.iter().map(|row| row[3]).collect()),
+            "instance" => Pixels::Words(rows(&self.gbuffer.albedo)?.iter().map(|row| row[3]).collect()),
+            "normal" => Pixels::Rgb(kinds.iter().flat_map(xyz).collect()),
+            "normal_geometric" => Pixels::Rgb(rows(&self.gbuffer.geometric)?.iter().flat_map(xyz).collect()),
+            "albedo" => {
+                let albedo = rows(&self.gbuffer.albedo)?;
+                let surface = |(row, kind): (&Row, &Row)| if kind[3] == SURFACE { xyz(row) } else { [0.0; 3] };
+                Pixels::Rgb(albedo.iter().zip(&kinds).flat_map(surface).collect())
+            }
+            "depth" => {
+                let depth = |(row, kind): (&Row, &Row)| if seen(kind) { self.depth(xyz(row)) } else { f32::INFINITY };
+                Pixels::Scalar(rows(&self.gbuffer.position)?.iter().zip(&kinds).map(depth).collect())
+            }
+            _ => {
+                let world = |(row, kind): (&Row, &Row)| {
+                    let p = Vec3::from(xyz(row)).as_dvec3() + self.anchor;
+                    if seen(kind) { p } else { DVec3::ZERO }.as_vec3().to_array()
+                };
+                Pixels::Rgb(rows(&self.gbuffer.position)?.iter().zip(&kinds).flat_map(world).collect())
+            }
+        })
+    }
+
+    /// Distance along the view axis.
+    fn depth(&self, position: [f32; 3]) -> f32 {
+        let [position, eye, backward] = [position, self.view.eye, self.view.backward].map(|v| Vec3::from(v).as_dvec3());
+        (eye - position).dot(backward) as f32
+    }
+}
+
+fn light_or_none(light: u32) -> u32 {
+    // `SURFACE` and `NOTHING` wrap around to the two largest words.
+    if light >= u32::MAX - 1 { u32::MAX } else { light }
+}
+
+/// The internal pixel nearest the middle of each pixel of the image.
+fn pick(rows: &[Row], frame: &FrameInfo) -> Vec<Row> {
+    let s = frame.supersample as usize;
+    let (width, height) = (frame.width as usize, frame.height as usize);
+    let at = |i: usize| rows[(i / width * s + s / 2) * width * s + i % width * s + s / 2];
+    (0..width * height).map(at).collect()
+}
+
+fn three(rows: &[[f32; 4]]) -> Vec<f32> {
+    rows.iter().flat_map(|row| [row[0], row[1], row[2]]).collect()
+}
+
+fn rgb(gpu: &Gpu, buffer: Option<&Buffer<[f32; 4]>>, frame: &FrameInfo) -> Result<Pixels> {
+    Ok(Pixels::Rgb(match buffer {
+        Some(buffer) => three(&gpu.read(buffer)?),
+        None => vec![0.0; 3 * frame.width as usize * frame.height as usize],
+    }))
+}

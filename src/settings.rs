@@ -1,0 +1,373 @@
+//! Every number and choice that a user can set: stated once, here, with its range, unit and source.
+
+use std::collections::BTreeMap;
+
+use crate::error::{Error, Result};
+
+/// A value of a setting.
+#[derive(Debug, Clone, PartialEq)]
+pub enum Value {
+    /// Left to the renderer.
+    None,
+    /// A whole number.
+    Int(i64),
+    /// A real number.
+    Float(f64),
+    /// One of the setting's choices.
+    Text(String),
+}
+
+/// What a setting may be.
+#[derive(Debug, Clone, Copy)]
+pub enum Kind {
+    /// One of `choices`; those not in `available` are known and refused.
+    Choice {
+        /// Every name that the API has.
+        choices: &'static [&'static str],
+        /// Those that work.
+        available: &'static [&'static str],
+    },
+    /// A whole number from `min` to `max`, and one of `only` where that is not empty.
+    Int {
+        /// Smallest.
+        min: i64,
+        /// Largest.
+        max: i64,
+        /// The only values allowed, if any are named.
+        only: &'static [i64],
+    },
+    /// A real number above `min` (or equal to it) up to `max`.
+    Float {
+        /// Lower bound.
+        min: f64,
+        /// Upper bound.
+        max: f64,
+        /// `min` itself is not allowed.
+        exclusive: bool,
+    },
+}
+
+/// A default, in constant form.
+#[derive(Debug, Clone, Copy)]
+pub enum Default {
+    /// Left to the renderer.
+    None,
+    /// A whole number.
+    Int(i64),
+    /// One of the choices.
+    Text(&'static str),
+}
+
+/// One row of the table.
+#[derive(Debug, Clone, Copy)]
+pub struct Spec {
+    /// Its name in `Settings`.
+    pub name: &'static str,
+    /// What it may be.
+    pub kind: Kind,
+    /// What it is unless set.
+    pub default: Default,
+    /// Known, but only its default is accepted for now.
+    pub pending: bool,
+    /// Unit, or empty.
+    pub unit: &'static str,
+    /// What it does.
+    pub doc: &'static str,
+    /// Where it comes from.
+    pub source: &'static str,
+}
+
+const OFF_ON: &[&str] = &["off", "on"];
+
+const fn choice(
+    name: &'static str,
+    choices: &'static [&'static str],
+    available: &'static [&'static str],
+    default: &'static str,
+    doc: &'static str,
+    source: &'static str,
+) -> Spec {
+    let kind = Kind::Choice { choices, available };
+    Spec { name, kind, default: Default::Text(default), pending: false, unit: "", doc, source }
+}
+
+const fn int(name: &'static str, range: [i64; 2], default: i64, doc: &'static str, source: &'static str) -> Spec {
+    let kind = Kind::Int { min: range[0], max: range[1], only: &[] };
+    Spec { name, kind, default: Default::Int(default), pending: false, unit: "", doc, source }
+}
+
+const fn later(name: &'static str, kind: Kind, unit: &'static str, doc: &'static str, source: &'static str) -> Spec {
+    Spec { name, kind, default: Default::None, pending: true, unit, doc, source }
+}
+
+const POSITIVE: Kind = Kind::Float { min: 0.0, max: f64::MAX, exclusive: true };
+const LEVEL: Kind = Kind::Int { min: 0, max: 16, only: &[] };
+
+/// The table of all settings, in the order in which they are documented.
+pub const SPECS: &[Spec] = &[
+    choice("direct", OFF_ON, OFF_ON, "on", "Light that comes straight from the lights.", "[SW91]"),
+    choice(
+        "indirect",
+        &["off", "splat", "gather", "clustered", "hierarchical", "lpv", "final-gather"],
+        &["off", "final-gather"],
+        "off",
+        "How light that was reflected before is found.",
+        "[Kaj86]",
+    ),
+    int("bounces", [1, 64], 1, "Reflections before the last one; `final-gather` only.", "[Kaj86]"),
+    int("gather_rays", [1, 65_536], 256, "Stratified hemisphere rays a pixel; `final-gather` only.", "[WRC88]"),
+    choice(
+        "indirect_visibility",
+        OFF_ON,
+        &["on"],
+        "on",
+        "Occlusion between a surface and what lights it indirectly.",
+        "[NW09]",
+    ),
+    choice(
+        "refine",
+        &["none", "iterative", "one-pass", "incremental", "sub-fragment"],
+        &["none"],
+        "none",
+        "How fragments are split; `none` shades every pixel.",
+        "[NW09; NSW09; NPW10; KJ16]",
+    ),
+    choice(
+        "visibility",
+        &["none", "voxel", "ray", "shadow-map"],
+        &["none", "ray"],
+        "ray",
+        "How it is found whether a light sample is seen; `ray` is exact.",
+        "[KJ16]",
+    ),
+    choice(
+        "visibility_reuse",
+        &["off", "incremental"],
+        &["off"],
+        "off",
+        "Reuse of the bits on which coarser fragments agree.",
+        "[NPW10]",
+    ),
+    choice("specular_visibility", &["ray", "variance"], &["ray"], "ray", "Visibility of the specular part.", "[NPW10]"),
+    choice(
+        "upsample",
+        &["nearest", "bilinear", "edge-aware", "rbf"],
+        &["nearest"],
+        "nearest",
+        "From fragments to pixels; with one fragment a pixel there is nothing to interpolate.",
+        "[NW09; KJ16]",
+    ),
+    choice(
+        "form_factor",
+        &["point", "disc", "quad"],
+        &["point"],
+        "point",
+        "What a virtual light is taken for.",
+        "[NSW09 Eq. 1]",
+    ),
+    int("light_samples", [1, 4096], 256, "Strata of equal area on each area light.", "[NPW10 Eq. 2]"),
+    choice(
+        "direct_estimator",
+        &["samples", "ratio"],
+        &["samples", "ratio"],
+        "samples",
+        "Direct light of an area light: the sum over its visible samples, or its exact unshadowed integral times the \
+         visible share of the samples.",
+        "[HHM18]",
+    ),
+    choice(
+        "light_pattern",
+        &["grid", "jittered"],
+        &["grid", "jittered"],
+        "jittered",
+        "Where in its stratum a sample lies: in the middle, or at a place that differs from pixel to pixel.",
+        "[CPC84]",
+    ),
+    later("vpls", Kind::Int { min: 1, max: 1_048_576, only: &[] }, "", "Virtual point lights.", "[NW09]"),
+    later("coarsest_level", LEVEL, "level", "Level of the largest fragments.", "[NW09]"),
+    later("finest_level", LEVEL, "level", "Level of the smallest fragments.", "[NPW10]"),
+    later("depth_threshold", POSITIVE, "", "Depth discontinuity above which a fragment is split.", "[NW09]"),
+    later("normal_threshold", POSITIVE, "", "Normal discontinuity above which a fragment is split.", "[NW09]"),
+    later(
+        "illumination_threshold",
+        POSITIVE,
+        "mean irradiance",
+        "Difference of illumination above which a fragment is split.",
+        "[NPW10]",
+    ),
+    later(
+        "bit_threshold",
+        Kind::Int { min: 1, max: 4096, only: &[] },
+        "bits",
+        "Differing visibility bits that split a fragment.",
+        "[KJ16]",
+    ),
+    later("light_cut_threshold", POSITIVE, "", "Contribution above which a light cluster is split.", "[NSW09 Eq. 7]"),
+    later(
+        "voxel_resolution",
+        Kind::Int { min: 16, max: 2048, only: &[] },
+        "voxels",
+        "Voxels along x and y.",
+        "[NPW10]",
+    ),
+    later("voxel_bias", POSITIVE, "voxels", "How far a marched ray starts off its surface.", "[NPW10]"),
+    later(
+        "interleave",
+        Kind::Int { min: 1, max: 8, only: &[] },
+        "pixels",
+        "Width of the interleaved sampling pattern.",
+        "[NPW10]",
+    ),
+    choice("specular", OFF_ON, &["off"], "off", "The specular part of materials.", "[NPW10]"),
+    Spec {
+        name: "supersample",
+        kind: Kind::Int { min: 1, max: 4, only: &[1, 2, 4] },
+        default: Default::Int(1),
+        pending: false,
+        unit: "per axis",
+        doc: "Internal pixels for each pixel of the image, averaged at the end; fragment maps keep the internal size.",
+        source: "[NW09]",
+    },
+    int("seed", [0, 4_294_967_295], 0, "Another seed gives other sample positions.", ""),
+    later("target_error", POSITIVE, "relative", "Error at which the renderer may stop.", ""),
+    later("budget_ms", POSITIVE, "ms", "Time that the renderer may take.", ""),
+];
+
+/// The presets of the API: what they change, or `None` while their passes do not exist yet.
+pub const PRESETS: &[(&str, Option<&[(&str, Default)]>)] = &[
+    ("splatting-2009", None),
+    ("radiosity-2009", None),
+    ("hierarchical-2009", None),
+    ("area-2010", None),
+    ("area-2016", None),
+    ("brute-force", Some(&[])),
+    ("default", Some(&[("direct_estimator", Default::Text("ratio")), ("light_samples", Default::Int(64))])),
+];
+
+impl Default {
+    /// As an owned value.
+    pub fn value(self) -> Value {
+        match self {
+            Self::None => Value::None,
+            Self::Int(i) => Value::Int(i),
+            Self::Text(t) => Value::Text(t.to_owned()),
+        }
+    }
+}
+
+impl Spec {
+    /// # Errors
+    /// `Settings`, with the value and what is allowed.
+    pub fn check(&self, value: &Value) -> Result<()> {
+        let refuse =
+            |allowed: String| Err(Error::Settings(format!("setting {} is {value:?}; allowed: {allowed}", self.name)));
+        if *value == self.default.value() {
+            return Ok(());
+        }
+        if self.pending {
+            return Err(Error::Settings(format!(
+                "setting {} is not available yet; leave it at its default ({:?} was given)",
+                self.name, value
+            )));
+        }
+        match (self.kind, value) {
+            (Kind::Choice { available, .. }, Value::Text(text)) if available.contains(&text.as_str()) => Ok(()),
+            (Kind::Choice { choices, available }, Value::Text(text)) if choices.contains(&text.as_str()) => {
+                Err(Error::Settings(format!(
+                    "{}={text:?} is not available yet; available: {}",
+                    self.name,
+                    available.join(", ")
+                )))
+            }
+            (Kind::Choice { choices, .. }, _) => refuse(choices.join(", ")),
+            (Kind::Int { min, max, only }, Value::Int(i)) if *i >= min && *i <= max => {
+                if only.is_empty() || only.contains(i) { Ok(()) } else { refuse(format!("{only:?}")) }
+            }
+            (Kind::Int { min, max, .. }, _) => refuse(format!("whole numbers from {min} to {max}")),
+            (Kind::Float { min, max, exclusive }, Value::Float(f))
+                if *f <= max && (*f > min || !exclusive && *f == min) =>
+            {
+                Ok(())
+            }
+            (Kind::Float { min, max, .. }, _) => refuse(format!("numbers from {min} to {max}")),
+        }
+    }
+}
+
+/// Checked settings, every one of them present.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Settings(BTreeMap<&'static str, Value>);
+
+impl std::default::Default for Settings {
+    fn default() -> Self {
+        Self(SPECS.iter().map(|s| (s.name, s.default.value())).collect())
+    }
+}
+
+impl Settings {
+    /// The defaults with `changes`.
+    ///
+    /// # Errors
+    /// `Settings` for an unknown name or a value that is out of range or not available.
+    pub fn new<'a>(changes: impl IntoIterator<Item = (&'a str, Value)>) -> Result<Self> {
+        let mut settings = Self::default();
+        for (name, value) in changes {
+            let spec = SPECS
+                .iter()
+                .find(|s| s.name == name)
+                .ok_or_else(|| Error::Settings(format!("there is no setting {name:?}")))?;
+            spec.check(&value)?;
+            settings.0.insert(spec.name, value);
+        }
+        Ok(settings)
+    }
+
+    /// All names and values.
+    pub fn iter(&self) -> impl Iterator<Item = (&'static str, &Value)> {
+        self.0.iter().map(|(name, value)| (*name, value))
+    }
+
+    /// A whole number that always has a value; 0 for a setting that has none.
+    pub fn int(&self, name: &str) -> u32 {
+        match self.0.get(name) {
+            Some(Value::Int(i)) => *i as u32,
+            _ => 0,
+        }
+    }
+
+    /// Whether a choice is `text`.
+    pub fn is(&self, name: &str, text: &str) -> bool {
+        matches!(self.0.get(name), Some(Value::Text(t)) if t == text)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn every_default_passes_its_own_check_and_names_are_unique() {
+        let mut names: Vec<_> = SPECS.iter().map(|s| s.name).collect();
+        names.sort_unstable();
+        names.dedup();
+        assert_eq!(names.len(), SPECS.len());
+        for spec in SPECS {
+            assert!(spec.check(&spec.default.value()).is_ok(), "{}", spec.name);
+            if let (Kind::Choice { choices, available }, Default::Text(text)) = (spec.kind, spec.default) {
+                assert!(available.contains(&text) && available.iter().all(|a| choices.contains(a)), "{}", spec.name);
+            }
+        }
+    }
+
+    #[test]
+    fn refuses_unknown_names_ranges_and_what_is_not_there_yet() {
+        let error = |name, value| Settings::new([(name, value)]).unwrap_err().to_string();
+        assert!(error("ligth_samples", Value::Int(4)).contains("ligth_samples"));
+        assert!(error("light_samples", Value::Int(0)).contains("1 to 4096"));
+        assert!(error("supersample", Value::Int(3)).contains("[1, 2, 4]"));
+        assert!(error("indirect", Value::Text("lpv".into())).contains("not available yet"));
+        assert!(error("indirect", Value::Text("magic".into())).contains("final-gather"));
+        assert!(error("target_error", Value::Float(0.01)).contains("not available yet"));
+        assert!(Settings::new([("seed", Value::Int(7))]).is_ok());
+    }
+}

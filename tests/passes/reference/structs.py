@@ -1,0 +1,126 @@
+"""Memory layout of what shaders read and write; `tests/rust/layouts.rs` proves it of the host's structs."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+MISS = 0xFFFFFFFF
+NOTHING, SURFACE, FIRST_LIGHT = 0, 1, 2
+SMOOTH, COLORS, TEXTURE, LIGHT = 1, 2, 4, 8
+
+
+def _fields(*names: str) -> list[tuple[str, str]]:
+    return [(name, "<u4") for name in names]
+
+
+RAY = np.dtype([("origin", "<f4", 3), ("t_min", "<f4"), ("direction", "<f4", 3), ("t_max", "<f4")])
+HIT = np.dtype([("t", "<f4"), ("u", "<f4"), ("v", "<f4"), ("instance", "<u4"), ("triangle", "<u4")])
+RECEIVER = np.dtype(
+    [
+        ("origin", "<f4", 3),
+        ("pattern", "<u4"),
+        ("normal_geo", "<f4", 3),
+        ("flags", "<u4"),
+        ("normal_shade", "<f4", 3),
+        ("pixel", "<u4"),
+    ]
+)
+VIEW = np.dtype(
+    [
+        ("eye", "<f4", 3),
+        ("width", "<u4"),
+        ("right", "<f4", 3),
+        ("height", "<u4"),
+        ("up", "<f4", 3),
+        ("fx", "<f4"),
+        ("backward", "<f4", 3),
+        ("fy", "<f4"),
+        ("cx", "<f4"),
+        ("cy", "<f4"),
+        ("first", "<u4"),
+        ("tiled", "<u4"),
+    ]
+)
+INSTANCE = np.dtype(
+    [
+        ("scene_from_object", "<f4", (3, 4)),
+        ("object_from_scene", "<f4", (3, 4)),
+        ("albedo", "<f4", 3),
+        *_fields("flags", "triangles", "positions", "normals", "uvs", "colors"),
+        *_fields("texture", "texture_width", "texture_height", "light"),
+        ("extent", "<f4"),
+        *_fields("pad0", "pad1"),
+    ]
+)
+GATHER_PATH = np.dtype(
+    [("throughput", "<f4", 3), ("pixel", "<u4"), ("pending", "<f4", 3), ("stratum", "<u4")]
+)
+GATHER_WAVE = np.dtype(
+    _fields("width", "height", "first_tile", "tiles", "first_stratum", "strata", "strata_u", "strata_v")
+    + _fields("lights", "seed", "bounce", "last")
+)
+LIGHT_SAMPLES = np.dtype(
+    [
+        *_fields("light", "strata_u", "strata_v", "patterns", "seed", "jittered"),
+        ("t_max", "<f4"),
+        ("pad", "<u4"),
+    ]
+)
+RECEIVERS = np.dtype(_fields("width", "height", "first", "patterns", "seed", "pad0", "pad1", "pad2"))
+GATHER = np.dtype(_fields("strata", "words", "light", "pad"))
+NODE = np.dtype([("lo", "<f4", 3), ("first", "<u4"), ("hi", "<f4", 3), ("count", "<u4")])
+TRIANGLE = np.dtype(
+    [("a", "<f4", 3), ("id", "<u4"), ("b", "<f4", 3), ("pad_b", "<u4"), ("c", "<f4", 3), ("pad_c", "<u4")]
+)
+PLACED = np.dtype(
+    [
+        ("row_x", "<f4", 3),
+        ("node", "<u4"),
+        ("row_y", "<f4", 3),
+        ("triangle", "<u4"),
+        ("row_z", "<f4", 3),
+        ("id", "<u4"),
+        ("center", "<f4", 3),
+        ("reach", "<f4"),
+    ]
+)
+SHADOW = np.dtype(
+    [
+        ("light_normal", "<f4", 3),
+        ("two_sided", "<u4"),
+        ("cone_axis", "<f4", 3),
+        ("cos_cutoff", "<f4"),
+        *_fields("receivers", "strata", "patterns", "words"),
+    ]
+)
+COMPOSITE = np.dtype(_fields("direct", "indirect", "pad0", "pad1"))
+DOWNSAMPLE = np.dtype(_fields("width", "height", "factor", "pad"))
+
+
+def record(dtype: np.dtype[Any], **values: Any) -> NDArray[Any]:
+    """One struct with these fields, zeros elsewhere."""
+    made = np.zeros(1, dtype)
+    for name, value in values.items():
+        made[name] = value
+    return made
+
+
+def row(xyz: NDArray[Any], w: Any) -> NDArray[np.uint32]:
+    """Rows of the G-buffer: three floats as their bits, and a word; (n, 4) from (n, 3) and (n,)."""
+    words = np.empty((len(xyz), 4), np.uint32)
+    words[:, :3] = np.ascontiguousarray(xyz, np.float32).view(np.uint32)
+    words[:, 3] = w
+    return words
+
+
+def floats(rows: NDArray[np.uint32]) -> NDArray[np.float32]:
+    """The three floats of each row."""
+    return np.ascontiguousarray(rows[..., :3]).view(np.float32)
+
+
+def bits(number: Any) -> NDArray[np.uint32]:
+    """The bits of float32 numbers."""
+    return np.atleast_1d(np.asarray(number, np.float32)).view(np.uint32)
