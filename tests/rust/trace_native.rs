@@ -22,7 +22,7 @@ fn closest(scene: &TraceScene, rays: &[Ray]) -> Vec<Hit> {
 fn any(scene: &TraceScene, rays: &[Ray]) -> Vec<bool> {
     let mut bits = vec![u32::MAX; rays.len().div_ceil(32)];
     scene.any(rays, &mut bits, &GO);
-    if rays.len() % 32 != 0 {
+    if !rays.len().is_multiple_of(32) {
         assert_eq!(bits.last().map_or(0, |w| w >> (rays.len() % 32)), 0, "spare bits are cleared");
     }
     (0..rays.len()).map(|i| bits[i / 32] >> (i % 32) & 1 == 1).collect()
@@ -271,6 +271,17 @@ fn degenerate_input_answers_misses() {
         for objects in [vec![], vec![place(&Mesh::default(), Affine3A::IDENTITY)], vec![place(&one, singular)]] {
             assert!(closest(&scene(&objects, width), &rays).iter().all(|h| *h == Hit::MISS));
         }
+    }
+}
+
+#[test]
+fn a_negative_start_finds_what_is_behind() {
+    let objects = [Object { mesh: grid(4), place: Affine3A::IDENTITY }];
+    let behind = Ray { t_min: -5.0, ..ray(Vec3::new(0.3, 0.4, -1.0), Vec3::new(0.0, 0.0, -0.5)) };
+    for width in SimdWidth::available() {
+        let scene = scene(&objects, width);
+        assert_eq!(closest(&scene, &[behind])[0].t, -2.0, "{width:?}");
+        assert!(!any(&scene, &[Ray { t_min: 0.0, ..behind }])[0], "{width:?}");
     }
 }
 
