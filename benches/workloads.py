@@ -48,6 +48,12 @@ def scan(size: int) -> Workload:
     return Workload("scan", scene, camera, _direct(256), 2)
 
 
+def scan_default(size: int) -> Workload:
+    """The same by the preset "default"."""
+    work = scan(size)
+    return Workload("scan, default", work.scene, work.camera, ml.Settings.preset("default"), 2)
+
+
 def spot(size: int) -> Workload:
     """Spot in a room, direct light and one bounce."""
     job = demo.spot_in_a_room(size, size)
@@ -70,6 +76,7 @@ def colonnade(size: int) -> Workload:
 ALL: dict[str, Callable[[int], Workload]] = {
     "room": room,
     "scan": scan,
+    "scan_default": scan_default,
     "spot": spot,
     "interior": interior,
     "colonnade": colonnade,

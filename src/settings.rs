@@ -233,8 +233,11 @@ pub const SPECS: &[Spec] = &[
     later("budget_ms", POSITIVE, "ms", "Time that the renderer may take.", ""),
 ];
 
+/// Settings that a preset changes.
+pub type Changes = &'static [(&'static str, Default)];
+
 /// The presets of the API: what they change, or `None` while their passes do not exist yet.
-pub const PRESETS: &[(&str, Option<&[(&str, Default)]>)] = &[
+pub const PRESETS: &[(&str, Option<Changes>)] = &[
     ("splatting-2009", None),
     ("radiosity-2009", None),
     ("hierarchical-2009", None),

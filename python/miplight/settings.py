@@ -184,6 +184,8 @@ def _docstring() -> str:
         "changed copy, `preset` names a starting point; an unknown name is an error that suggests the",
         "nearest one.",
         "A setting that is 'on' or 'off' also takes a bool.",
+        "`Settings(...)` starts from the defaults below; `Settings.preset('default')` is what a render uses",
+        "when it is given no settings.",
         "",
         "Parameters",
         "----------",

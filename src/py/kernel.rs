@@ -15,7 +15,7 @@ pub(crate) struct PyKernelRunner(Gpu);
 type Bytes = Vec<(String, Vec<u8>)>;
 
 fn words(name: &str, bytes: &[u8]) -> Result<Vec<u32>> {
-    if bytes.len() % 4 != 0 {
+    if !bytes.len().is_multiple_of(4) {
         return Err(Error::Shader(format!("{name:?} has {} bytes, which is no multiple of 4", bytes.len())));
     }
     Ok(bytemuck::pod_collect_to_vec(bytes))
@@ -74,6 +74,7 @@ impl PyKernelRunner {
     /// `inputs`: for each binding (n,) uint8, the bytes as the shader sees them. Returns the bytes of the bindings that
     /// the shader may write. Raises ShaderError or DeviceError.
     #[pyo3(signature = (stem, entry, inputs, threads, groups=false, text=None))]
+    #[allow(clippy::too_many_arguments, reason = "they are what a shader needs, by keyword")]
     fn run<'py>(
         &self,
         py: Python<'py>,

@@ -157,6 +157,7 @@ impl PyInstance {
     /// world_from_object (4, 4) float64; albedo three numbers in [0, 1], times the texture, times the vertex colours.
     #[new]
     #[pyo3(signature = (name, mesh, world_from_object, smooth, albedo, texture=None, vertex_colors=false))]
+    #[allow(clippy::too_many_arguments, reason = "they are the fields of the instance, by keyword")]
     fn new(
         py: Python<'_>,
         name: String,

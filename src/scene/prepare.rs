@@ -220,7 +220,7 @@ fn spot_light_rows(light: &SpotLight, anchor: DVec3) -> [[f32; 4]; LIGHT_ROWS] {
 pub fn strata_grid(n: u32, length_u: f64, length_v: f64) -> [u32; 2] {
     let aspect = (length_u / length_v).max(1e-30);
     (1..=n)
-        .filter(|nu| n % nu == 0)
+        .filter(|nu| n.is_multiple_of(*nu))
         .map(|nu| [nu, n / nu])
         .min_by(|a, b| {
             let stretch = |[nu, nv]: &[u32; 2]| (aspect * f64::from(*nv) / f64::from(*nu)).ln().abs();

@@ -202,3 +202,23 @@ def test_the_same_again_has_the_same_bits(renderer: ml.Renderer, adapter: str, s
         assert (renderer.render(scene, camera, settings).image == first).all()
     with ml.Renderer(adapter) as second:
         assert (second.render(scene, camera, settings).image == first).all()
+
+
+def test_both_forms_of_the_trace_show_the_same(adapter: str, settings: ml.Settings) -> None:
+    """Rays answered on the host and on the device: they may differ at edges only."""
+    scene, camera = room(np.eye(4)), view(np.eye(4))
+    outputs = ("image", "direct", "indirect", "depth")
+    frames = []
+    for form in ("native", "wgsl"):
+        with ml.Renderer(adapter, trace=form) as renderer:
+            assert renderer.adapter["trace"] == form
+            frames.append(renderer.render(scene, camera, settings, outputs=outputs))
+    native, wgsl = frames
+    assert _share_off(wgsl.direct, native.direct) < 0.005
+    assert _share_off(wgsl.indirect, native.indirect) < 0.02
+    assert abs(wgsl.image.mean() / native.image.mean() - 1) < 1e-3
+    seen = np.isfinite(native.depth)
+    assert (np.isfinite(wgsl.depth) == seen).mean() > 0.995
+    both = seen & np.isfinite(wgsl.depth)
+    assert np.median(np.abs(wgsl.depth[both] - native.depth[both])) < 1e-6
+    assert native.stats.rays == pytest.approx(wgsl.stats.rays, rel=1e-3)

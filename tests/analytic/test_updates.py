@@ -40,6 +40,11 @@ def _swell(scene: ml.Scene) -> None:
     scene.set_vertices("ball", 1.2 * trimesh.creation.icosphere(2, 0.5).vertices)
 
 
+def _remove_all(scene: ml.Scene, names: list[str]) -> None:
+    for name in names:
+        scene.remove(name)
+
+
 def _lamp(scene: ml.Scene) -> ml.AreaLight:
     light = scene.lights["light_0"]
     assert isinstance(light, ml.AreaLight)
@@ -78,13 +83,13 @@ CHANGES: dict[str, Callable[[ml.Scene], object]] = {
     "removed": lambda scene: scene.remove("ball"),
     "light added": lambda scene: scene.add_light(ml.SpotLight((-1, 1, 0), (0, 0, 0), (9, 1, 1), 60)),
     "light removed": lambda scene: scene.remove("light_0"),
-    "all meshes removed": lambda scene: [scene.remove(name) for name in list(scene.meshes)],
-    "all lights removed": lambda scene: [scene.remove(name) for name in list(scene.lights)],
+    "all lights removed": lambda scene: _remove_all(scene, list(scene.lights)),
+    "all meshes removed": lambda scene: _remove_all(scene, list(scene.meshes)),
 }
 
 
 def test_every_change_shows_at_once(adapter: str) -> None:
-    """One scene changed step by step: after each step the kept renderer agrees with a fresh one, to the bit."""
+    """One scene changed step by step: after each step it shows the bits of a fresh renderer."""
     scene, camera = _scene(), view_down(20, 16)
     with ml.Renderer(adapter) as kept:
         before = kept.render(scene, camera, SETTINGS, outputs=OUTPUTS)

@@ -1,4 +1,4 @@
-"""Bad input: an error that names the argument, shows the value and says what is allowed; nothing half-changed.
+"""Bad input: errors that name the argument, show the value and say what is allowed; nothing half-changed.
 
 And input that is odd but right: no lights, no meshes, a light behind everything, a camera inside an object.
 """

@@ -38,7 +38,7 @@ fn answers(tracer: &Tracer, rays: &[Ray]) -> (Vec<Hit>, Vec<bool>, u64) {
     assert!(times.of("trace") > 0.0 && times.of("shadow") > 0.0, "{times:?}");
     count += tracer.device_rays(gpu).unwrap();
     let bits = gpu.read(&words).unwrap();
-    if rays.len() % 32 != 0 {
+    if !rays.len().is_multiple_of(32) {
         assert_eq!(bits.last().map_or(0, |w| w >> (rays.len() % 32)), 0, "spare bits are cleared");
     }
     let occluded = (0..rays.len()).map(|i| bits[i / 32] >> (i % 32) & 1 == 1).collect();
