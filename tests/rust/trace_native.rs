@@ -275,6 +275,17 @@ fn degenerate_input_answers_misses() {
 }
 
 #[test]
+fn a_negative_start_finds_what_is_behind() {
+    let objects = [Object { mesh: grid(4), place: Affine3A::IDENTITY }];
+    let behind = Ray { t_min: -5.0, ..ray(Vec3::new(0.3, 0.4, -1.0), Vec3::new(0.0, 0.0, -0.5)) };
+    for width in SimdWidth::available() {
+        let scene = scene(&objects, width);
+        assert_eq!(closest(&scene, &[behind])[0].t, -2.0, "{width:?}");
+        assert!(!any(&scene, &[Ray { t_min: 0.0, ..behind }])[0], "{width:?}");
+    }
+}
+
+#[test]
 fn a_cancelled_trace_leaves_the_answers_alone() {
     let objects = [Object { mesh: sphere(1, 0.0), place: Affine3A::IDENTITY }];
     let scene = scene(&objects, SimdWidth::Portable);

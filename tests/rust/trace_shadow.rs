@@ -134,6 +134,33 @@ fn shadow_bits_match_any_and_a_float64_brute_force() {
 }
 
 #[test]
+fn bundles_in_deep_trees_match_any() {
+    // `any` knows no shafts and no portals: this is their test.
+    let mut case = case(256, 150, 11);
+    let mut random = Random::new(12);
+    for place in places(&mut random) {
+        case.objects.push(Object { mesh: sphere(5, 0.1), place });
+    }
+    case.objects.push(Object { mesh: soup(40_000, 0.01, &mut random), place: Affine3A::from_scale(Vec3::splat(4.0)) });
+    let table = table(&case, false, true);
+    let scene = TraceScene::new(instances(&case.objects));
+    let rays = expected(&case, &table);
+    let list: Vec<Ray> = rays.iter().map(|r| r.1).collect();
+    let mut occluded = vec![0; list.len().div_ceil(32)];
+    scene.any(&list, &mut occluded, &GO);
+    let seen = |bits: &[u32]| rays.iter().filter(|r| bits[r.0 / 32] >> (r.0 % 32) & 1 == 1).count();
+    for width in SimdWidth::available() {
+        let (bits, traced) = shadow(&case, &table, width);
+        let differs = |&(i, r): &(usize, &(usize, Ray, Option<bool>))| {
+            let free = occluded[i / 32] >> (i % 32) & 1 == 0;
+            r.2.is_some_and(|faces| (bits[r.0 / 32] >> (r.0 % 32) & 1 == 1) != (faces && free))
+        };
+        assert_eq!(rays.iter().enumerate().filter(differs).count(), 0, "{width:?}");
+        assert!(seen(&bits) as u64 > traced / 20 && (seen(&bits) as u64) < traced * 19 / 20, "{width:?}");
+    }
+}
+
+#[test]
 fn a_disturbed_case_shows() {
     let case = case(16, 200, 9);
     let table = table(&case, false, false);

@@ -198,11 +198,14 @@ impl TraceScene {
 
     /// Which samples of a light each receiver sees; returns the number of rays traced.
     ///
-    /// `bits` holds `table.words()` words per receiver. Bit `k` is set when stratum `k` faces the surface, with
-    /// `d = point - origin` (`dot(n_geo, d) > 0` and `dot(n_shade, d) > 0`), the light emits towards it
-    /// (`dot(light_normal, -d) > 0` or two-sided; `dot(cone_axis, -d) >= cos_cutoff |d|`) and nothing is in between
-    /// (`t` in (0, w)). Only rays that pass the facing tests are traced. An inactive receiver, or one whose pattern
-    /// is not in the table, gets no bit.
+    /// `bits` holds `table.words()` words per receiver. Bit `k` is set when, with `d = point - origin`,
+    /// - stratum `k` faces the surface: `dot(n_geo, d)` and `dot(n_shade, d)` are positive,
+    /// - the light emits towards it: `dot(light_normal, -d)` is positive or the light two-sided, and
+    ///   `dot(cone_axis, -d) >= cos_cutoff |d|`,
+    /// - and nothing is in between, `t` in (0, w).
+    ///
+    /// Only rays that pass the facing tests are traced. An inactive receiver, one whose pattern is not in the table, and
+    /// a sample with `w <= 0` get no bit. Quickest when runs of 16 to 32 strata are compact: Morton order.
     ///
     /// # Panics
     /// When `bits` has the wrong length, or `points` is no whole number of patterns.

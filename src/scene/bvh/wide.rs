@@ -1,6 +1,7 @@
 //! The layout of the native traversal: nodes of eight children, triangles in blocks of four.
 use super::{LEAF_TRIANGLES, Node2};
 use glam::Vec3;
+use rayon::prelude::*;
 
 /// What a slot of a [`Node8`] leads to: a node, or a leaf.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -184,5 +185,5 @@ pub(super) fn blocks(
         }
         block
     };
-    leaves.iter().map(block).collect()
+    leaves.par_iter().with_min_len(4096).map(block).collect()
 }

@@ -108,6 +108,16 @@ impl Stack {
     }
 }
 
+/// `next` if there is one, else what waits on top of the stack.
+#[inline(always)]
+pub(crate) fn pop_or<P: Lanes, const ANY: bool>(
+    next: Option<(Child, u32)>,
+    stack: &mut Stack,
+    state: &State,
+) -> Option<(Child, u32)> {
+    if next.is_some() { next } else { stack.pop::<P, ANY>(state) }
+}
+
 /// Buffers of one thread.
 pub(crate) struct Scratch {
     pub(crate) scene: Stack,
@@ -239,25 +249,26 @@ pub(crate) fn traverse<I: Isa, const ANY: bool, const COHERENT: bool>(
     stack.clear();
     for root in roots {
         let mask = active & state.alive;
-        if mask != 0 {
-            descend::<I, ANY, COHERENT>(root, &slabs, shaft, mask, state, stack);
+        if mask == 0 {
+            return;
         }
-    }
-    while let Some((child, mask)) = stack.pop::<I::Packet, ANY>(state) {
-        if child.is_leaf() {
-            let triangles = &blas.blocks()[child.index()];
-            block::<I::Packet, ANY, COHERENT>(local, triangles, child.count(), mask, state, *instance);
-        } else if mask.count_ones() <= SINGLE_BELOW {
-            for lane in set_lanes(mask) {
-                single::traverse::<I, ANY>(blas, local, lane, child, state, &mut scratch.single, *instance);
+        let mut next = descend::<I, ANY, COHERENT>(root, &slabs, shaft, mask, state, stack);
+        while let Some((child, mask)) = pop_or::<I::Packet, ANY>(next.take(), stack, state) {
+            if child.is_leaf() {
+                let triangles = &blas.blocks()[child.index()];
+                block::<I::Packet, ANY, COHERENT>(local, triangles, child.count(), mask, state, *instance);
+            } else if mask.count_ones() <= SINGLE_BELOW {
+                for lane in set_lanes(mask) {
+                    single::traverse::<I, ANY>(blas, local, lane, child, state, &mut scratch.single, *instance);
+                }
+            } else {
+                next = descend::<I, ANY, COHERENT>(&nodes[child.index()], &slabs, shaft, mask, state, stack);
             }
-        } else {
-            descend::<I, ANY, COHERENT>(&nodes[child.index()], &slabs, shaft, mask, state, stack);
         }
     }
 }
 
-/// Pushes the children of a node that rays enter; for closest hits the nearest last.
+/// Pushes the children of a node that rays enter, except the one to go on with: for closest hits the nearest.
 #[inline(always)]
 pub(crate) fn descend<I: Isa, const ANY: bool, const COHERENT: bool>(
     node: &Node8,
@@ -266,7 +277,7 @@ pub(crate) fn descend<I: Isa, const ANY: bool, const COHERENT: bool>(
     mask: u32,
     state: &State,
     stack: &mut Stack,
-) {
+) -> Option<(Child, u32)> {
     let (start, end): (I::Packet, I::Packet) = (state.t_min.get(), state.t.get());
     let active = <I::Packet as Lanes>::M::from_bits(mask);
     let base = stack.top;
@@ -285,8 +296,15 @@ pub(crate) fn descend<I: Isa, const ANY: bool, const COHERENT: bool>(
             nearest = if hit != 0 && key < nearest.0 { (key, top) } else { nearest };
         }
     }
-    if !ANY && stack.top > base {
-        stack.entries.swap(nearest.1, stack.top - 1);
-        stack.near.swap(nearest.1, stack.top - 1);
+    if stack.top == base {
+        return None;
     }
+    stack.top -= 1;
+    let next = if ANY { stack.top } else { nearest.1 };
+    let entry = stack.entries[next];
+    if next != stack.top {
+        stack.entries[next] = stack.entries[stack.top];
+        stack.near[next] = stack.near[stack.top];
+    }
+    Some(entry)
 }

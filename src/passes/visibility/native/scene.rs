@@ -1,7 +1,7 @@
 //! The upper level: a packet through the boxes of the instances and into each.
 use super::super::trace_native::TraceScene;
 use super::instance::Placed;
-use super::packet::{self, Entered, Scratch, Slabs, State};
+use super::packet::{self, Entered, Scratch, Slabs, State, pop_or};
 use super::rays::{Bundle, Heading, Local, enter_direction, enter_origin, rows};
 use super::shaft::{Cone, Interval, Shaft};
 use super::simd::{Isa, Lanes, three};
@@ -61,15 +61,16 @@ pub(crate) fn trace<I: Isa, const ANY: bool>(scene: &TraceScene, bundle: &mut Bu
     let slabs = Slabs::<I::Packet>::new(&local, bundle.active);
     let shaft = Shaft::NONE;
     scratch.scene.clear();
-    packet::descend::<I, ANY, false>(&nodes[0], &slabs, &shaft, bundle.active, &state, &mut scratch.scene);
-    while let Some((child, mask)) = scratch.scene.pop::<I::Packet, ANY>(&state) {
+    let all = bundle.active;
+    let mut next = packet::descend::<I, ANY, false>(&nodes[0], &slabs, &shaft, all, &state, &mut scratch.scene);
+    while let Some((child, mask)) = pop_or::<I::Packet, ANY>(next.take(), &mut scratch.scene, &state) {
         if child.is_leaf() {
             let placed = &scene.placed[child.index()];
             let roots = &placed.blas.nodes_wide()[..1];
             visit::<I, ANY>(placed, child.index(), roots, &launch, mask, &mut state, scratch);
         } else {
             let node = &nodes[child.index()];
-            packet::descend::<I, ANY, false>(node, &slabs, &shaft, mask, &state, &mut scratch.scene);
+            next = packet::descend::<I, ANY, false>(node, &slabs, &shaft, mask, &state, &mut scratch.scene);
         }
     }
     state

@@ -25,10 +25,8 @@ pub(crate) struct Columns {
 fn box_of(points: &[[f32; 4]]) -> Interval {
     let mut b = Interval { lo: [f32::INFINITY; 3], hi: [f32::NEG_INFINITY; 3] };
     for p in points {
-        for (axis, &x) in p.iter().take(3).enumerate() {
-            b.lo[axis] = if x >= b.lo[axis] { b.lo[axis] } else { x };
-            b.hi[axis] = if x <= b.hi[axis] { b.hi[axis] } else { x };
-        }
+        b.lo = three!(i => b.lo[i].min(p[i]));
+        b.hi = three!(i => b.hi[i].max(p[i]));
     }
     let nan = points.iter().any(|p| p[0].is_nan() || p[1].is_nan() || p[2].is_nan());
     if nan { Interval { lo: [f32::MIN; 3], hi: [f32::MAX; 3] } } else { b }

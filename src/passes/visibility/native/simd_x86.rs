@@ -314,7 +314,7 @@ impl Isa for Avx512 {
 pub(crate) struct Avx2;
 
 impl Isa for Avx2 {
-    type Packet = F32x8;
+    type Packet = Pair<F32x8>;
     type Node = F32x8;
     type Block = F32x4;
 }
