@@ -13,6 +13,9 @@ from miplight import _core
 ULP = 2.0**-24
 """Largest relative error of one float32 rounding."""
 
+UNIFORMS = {"params", "view", "wave", "top_level"}
+"""Bindings that are one struct, not a list."""
+
 _HEAD = """
 import package::common::grid::{{Grid, item_index}};
 {imports}
@@ -51,9 +54,17 @@ class Runner:
         text: str | None = None,
         **arrays: NDArray[Any],
     ) -> dict[str, NDArray[np.uint8]]:
-        """Run `entry` of shaders/<stem>.wgsl; returns the bytes of every binding that it may write."""
+        """Run `entry` of shaders/<stem>.wgsl; returns the bytes of every binding that it may write.
+
+        Every list is given longer than it is by 64 items of ones, which nothing may look at or write.
+        """
         given = {name: as_bytes(array) for name, array in arrays.items()}
-        return self._core.run(stem, entry, given, threads, groups, text)
+        spare = {name: _spare(array) for name, array in arrays.items() if name not in UNIFORMS}
+        longer = {name: np.concatenate([whole, spare.get(name, whole[:0])]) for name, whole in given.items()}
+        out = self._core.run(stem, entry, longer, threads, groups, text)
+        for name, whole in out.items():
+            assert (whole[len(given[name]) :] == spare[name]).all(), f"{stem} wrote beyond the end of {name}"
+        return {name: whole[: len(given[name])] for name, whole in out.items()}
 
     def function(
         self,
@@ -78,6 +89,12 @@ def as_bytes(array: NDArray[Any]) -> NDArray[np.uint8]:
     """The bytes of an array; float64 and int64 are refused, because no shader has them."""
     assert array.dtype not in (np.float64, np.int64), f"{array.dtype} is nothing that a shader reads"
     return np.frombuffer(np.ascontiguousarray(array).tobytes(), np.uint8)
+
+
+def _spare(array: NDArray[Any]) -> NDArray[np.uint8]:
+    """The bytes of 64 more items; as words they are 1: a surface, a small float, a valid index."""
+    item = array.dtype.itemsize * (array.shape[-1] if array.ndim > 1 and array.dtype.names is None else 1)
+    return np.ones(64 * item // 4, np.uint32).view(np.uint8)
 
 
 def read(out: dict[str, NDArray[np.uint8]], name: str, dtype: DTypeLike, *shape: int) -> NDArray[Any]:
