@@ -101,6 +101,21 @@ def test_what_sees_all_of_a_light_gets_its_exact_irradiance(
     assert not gather(runner, STEM, [light], 0, case).any(), "where nothing is seen it is dark"
 
 
+def test_a_sliver_that_no_sample_fell_into_counts_as_seen(runner: Runner) -> None:
+    """A light that rises above the horizon by a little, its one sample below."""
+    light = Area(
+        np.array([2.0, -0.9, -0.5]), np.array([0, 0, 1.0]), np.array([0, 1.0, 0]), np.array([5.0, 1, 2])
+    )
+    case = facing_up(np.zeros((1, 3)), light.point(np.array([[0.5, 0.5]])), light.radiance[None] * light.area)
+    case.seen = np.zeros((1, 1), bool)
+    up = np.array([0, 1.0, 0])
+    expected = light.radiance * parallelogram_irradiance(up, up, light.corner, light.u, light.v)
+    assert expected.min() > 0
+    found = gather(runner, STEM, [light], 0, case)[0]
+    assert_within(found, expected, 1e-3 * expected + 4e-6 * light.radiance, "irradiance")
+    assert_not_within(found, 0.9 * expected, 1e-3 * expected + 4e-6 * light.radiance)
+
+
 def test_lights_add_up(runner: Runner, rng: np.random.Generator) -> None:
     light = random_area(rng)
     case = _case(rng, light, 300, 16, traced=True)

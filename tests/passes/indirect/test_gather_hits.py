@@ -73,8 +73,10 @@ def _run(runner: Runner, case: Case, **wave: int) -> tuple[NDArray[Any], NDArray
     return read(out, "rays", RAY), read(out, "shadow_rays", RAY), read(out, "paths", GATHER_PATH)
 
 
-def _places(paths: NDArray[Any], seed: int) -> Array:
-    """Places on the light at the first bounce: the R3 sequence over strata, from the pixel's hashed start."""
+def _places(paths: NDArray[Any], seed: int, bounce: int = 0) -> Array:
+    """Places on the light: at first the R3 sequence from the pixel's hashed start, later plain hashes."""
+    if bounce:
+        return random4(paths["pixel"], paths["stratum"], 4 * bounce + 1, seed)[:, :3]
     start = pcg4d(paths["pixel"], 0, 3, seed)[:, :3] / 2.0**32
     places: Array = (start + paths["stratum"].astype(np.float64)[:, None] * R3) % 1.0
     return places
@@ -116,12 +118,14 @@ def _single_light(case: Case, places: Array) -> tuple[Array, Array, Array, Array
 
 
 @pytest.mark.parametrize("kind", ["one-sided", "two-sided", "picture", "spot"])
+@pytest.mark.parametrize("bounce", [0, 2])
 def test_light_from_one_light_agrees_with_the_reference(
-    runner: Runner, rng: np.random.Generator, kind: str
+    runner: Runner, rng: np.random.Generator, kind: str, bounce: int
 ) -> None:
     case = _case(rng, [_light(rng, kind)])
-    _, shadow, paths = _run(runner, case)
-    d, carried, clear, size = _single_light(case, _places(case.paths, 5))
+    _, shadow, paths = _run(runner, case, bounce=bounce)
+    places = _places(case.paths, 5, bounce)
+    d, carried, clear, size = _single_light(case, places)
     sure = clear > EDGE_ON
     assert sure.mean() > 0.95
     lit = sure & (carried.max(axis=1) > 0)
@@ -136,7 +140,7 @@ def test_light_from_one_light_agrees_with_the_reference(
     bound = 2e-4 * carried + 3e-5 * size
     assert_within(paths["pending"][sure], carried[sure], bound[sure], "irradiance carried")
     assert (paths["pending"][dark] == 0).all()
-    other = _single_light(case, 1 - _places(case.paths, 5))[1]
+    other = _single_light(case, 1 - places)[1]
     assert_not_within(
         paths["pending"][sure], other[sure] if kind != "spot" else 1.01 * carried[sure], bound[sure]
     )

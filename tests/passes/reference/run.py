@@ -92,9 +92,10 @@ def as_bytes(array: NDArray[Any]) -> NDArray[np.uint8]:
 
 
 def _spare(array: NDArray[Any]) -> NDArray[np.uint8]:
-    """The bytes of 64 more items; as words they are 1: a surface, a small float, a valid index."""
+    """The bytes of 64 more items: floats of 1, or words of 1, which say a surface or a valid index."""
     item = array.dtype.itemsize * (array.shape[-1] if array.ndim > 1 and array.dtype.names is None else 1)
-    return np.ones(64 * item // 4, np.uint32).view(np.uint8)
+    word = np.float32 if array.dtype == np.float32 else np.uint32
+    return np.ones(64 * item // 4, word).view(np.uint8)
 
 
 def read(out: dict[str, NDArray[np.uint8]], name: str, dtype: DTypeLike, *shape: int) -> NDArray[Any]:
