@@ -244,7 +244,7 @@ pub const PRESETS: &[(&str, Option<Changes>)] = &[
     ("area-2010", None),
     ("area-2016", None),
     ("brute-force", Some(&[])),
-    ("default", Some(&[("direct_estimator", Default::Text("ratio")), ("light_samples", Default::Int(64))])),
+    ("default", Some(&[("direct_estimator", Default::Text("ratio"))])),
 ];
 
 impl Default {
