@@ -1,0 +1,3 @@
+//! Which pixels share their light: tiles and cells that are provably or evidently lit or dark, and the zone between.
+
+pub mod light_bounds;
