@@ -52,6 +52,8 @@ struct Kept {
     gbuffer: GBuffer,
     images: Images,
     irradiance: [Option<Buffer<[f32; 4]>>; 2],
+    /// Level and reason of each pixel's fragment, unless every fragment is a pixel.
+    levels: Option<[Buffer<u32>; 2]>,
 }
 
 impl Renderer {
@@ -250,8 +252,9 @@ impl State {
             samples: direct.as_ref().map_or(0, |d| d.samples),
             active: direct.as_ref().map(|d| d.active.clone()),
         };
+        let levels = direct.as_ref().and_then(|d| d.levels.clone());
         let irradiance = [direct.map(|d| d.irradiance), indirect];
-        Ok((Kept { view, anchor: prepared.anchor, gbuffer, images, irradiance }, work))
+        Ok((Kept { view, anchor: prepared.anchor, gbuffer, images, irradiance, levels }, work))
     }
 }
 

@@ -1,0 +1,105 @@
+// Zone: which cells are lit, which are dark, and which lie in or beside a penumbra. A block of strata on which a cell and
+// its eight neighbours agree is not asked again [NPW10: incremental visibility]; where they agree on all of them to the
+// same answer there is no shadow's edge.
+// In     tile_flags, cell_bits. Out: cell_state (image order), cell_agreed (low half: blocks agreed on, high half: to
+//        what), cell_plan (PLAN_ZONE where the cell lies in the zone)
+
+import package::common::cells::{PLAN_ZONE, STATE_DARK, STATE_LIT, STATE_NONE, STATE_ZONE, TILE_CELLS, cell_in_image, cell_index, cell_place};
+import package::common::grid::{Grid, item_index};
+import package::common::light_frame::{DARK, FACING, LIT};
+import package::common::list_params::ListParams;
+import package::common::strata::BLOCKS;
+import package::common::tiles::TILE;
+
+@group(0) @binding(30) var<uniform> grid: Grid;
+@group(0) @binding(0) var<uniform> params: ListParams;
+@group(0) @binding(1) var<storage, read> tile_flags: array<u32>;
+@group(0) @binding(2) var<storage, read> cell_bits: array<u32>;
+@group(0) @binding(3) var<storage, read_write> cell_state: array<u32>;
+@group(0) @binding(4) var<storage, read_write> cell_agreed: array<u32>;
+@group(0) @binding(5) var<storage, read_write> cell_plan: array<u32>;
+@group(0) @binding(6) var<storage, read_write> share: array<vec4f>;
+
+const ALL: u32 = 0xffffu;
+
+// As in cell_bits; what a proof says counts as asked.
+fn bits_of(index: u32) -> u32 {
+    let flags = tile_flags[index / TILE_CELLS];
+    let proven = select(select(cell_bits[index], 0xffff0000u, (flags & DARK) != 0u), 0xffffffffu, (flags & LIT) != 0u);
+    return select(0u, proven, (flags & FACING) != 0u);
+}
+
+struct Votes {
+    seen: u32,      // blocks that some cell sees
+    hidden: u32,    // blocks that some cell does not see
+}
+
+fn neighbours(place: vec2u) -> Votes {
+    let cells = (vec2u(params.width, params.height) + 1u) / 2u;
+    let lo = vec2u(max(vec2i(place) - 1, vec2i(0)));
+    let hi = min(place + 1u, cells - 1u);
+    var votes = Votes(0u, 0u);
+    for (var y = lo.y; y <= hi.y; y++) {
+        for (var x = lo.x; x <= hi.x; x++) {
+            let bits = bits_of(cell_index(vec2u(x, y), params.width));
+            votes.seen |= bits & ALL;
+            votes.hidden |= (bits >> 16u) & ~bits & ALL;
+        }
+    }
+    return votes;
+}
+
+@compute @workgroup_size(64)
+fn main(
+    @builtin(workgroup_id) group: vec3u,
+    @builtin(num_workgroups) groups: vec3u,
+    @builtin(local_invocation_index) lane: u32,
+) {
+    let i = item_index(grid, group, groups, 64u, lane);
+    let place = cell_place(i, params.width);
+    let cells = (vec2u(params.width, params.height) + 1u) / 2u;
+    if i >= grid.end {
+        return;
+    }
+    let flags = tile_flags[i / TILE_CELLS];
+    let proven = (flags & (LIT | DARK)) != 0u;
+    let own = bits_of(i);
+    let votes = neighbours(min(place, cells - 1u));
+    let agreed = (votes.seen ^ votes.hidden) & ALL;
+    let all_agree = agreed == ALL && (votes.seen == 0u || votes.hidden == 0u);
+    var state = select(STATE_ZONE, select(STATE_DARK, STATE_LIT, votes.hidden == 0u), all_agree);
+    state = select(state, select(STATE_DARK, STATE_LIT, (flags & LIT) != 0u), proven);
+    state = select(state, STATE_NONE, own == 0u);
+    if all(place < cells) {
+        cell_state[cell_in_image(place, params.width)] = state;
+    }
+    cell_agreed[i] = agreed | ((votes.seen & agreed) << 16u);
+    cell_plan[i] = select(0u, PLAN_ZONE, state == STATE_ZONE && all(place < cells));
+}
+
+// Of a spot each pixel has its own answer, and nothing is left to ask.
+@compute @workgroup_size(64)
+fn spot(
+    @builtin(workgroup_id) group: vec3u,
+    @builtin(num_workgroups) groups: vec3u,
+    @builtin(local_invocation_index) lane: u32,
+) {
+    let i = item_index(grid, group, groups, 64u, lane);
+    let place = cell_place(i, params.width);
+    let cells = (vec2u(params.width, params.height) + 1u) / 2u;
+    if i >= grid.end || any(place >= cells) {
+        return;
+    }
+    let bits = bits_of(i);
+    let seen = bits & ALL;
+    let was_asked = bits >> 16u;
+    var state = select(select(STATE_ZONE, STATE_DARK, seen == 0u), STATE_LIT, seen == was_asked);
+    state = select(state, STATE_NONE, was_asked == 0u);
+    cell_state[cell_in_image(place, params.width)] = state;
+    for (var k = 0u; k < 4u; k++) {
+        let pixel = place * 2u + vec2u(k & 1u, k >> 1u);
+        if state == STATE_ZONE && all(pixel < vec2u(params.width, params.height)) {
+            share[pixel.y * params.width + pixel.x] = vec4f(f32((seen >> k) & 1u));
+        }
+    }
+}
