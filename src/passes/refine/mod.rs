@@ -1,3 +1,4 @@
 //! Which pixels share their light: tiles and cells that are provably or evidently lit or dark, and the zone between.
 
+pub mod compact;
 pub mod light_bounds;
