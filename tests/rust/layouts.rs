@@ -11,6 +11,7 @@ use miplight::passes::gather::gather::GatherParams;
 use miplight::passes::gather::receivers::ReceiversParams;
 use miplight::passes::indirect::{GatherPath, GatherWave};
 use miplight::passes::lights::light_samples::LightSamplesParams;
+use miplight::passes::refine::compact::CompactParams;
 use miplight::passes::visibility::{Hit, Ray, Receiver};
 use miplight::passes::{TILE, TILE_PIXELS, View};
 use miplight::scene::prepare::{InstanceRecord, LIGHT_ROWS, NO_LIGHT, Prepared};
@@ -24,6 +25,7 @@ fn twins() -> Vec<(Layout, &'static str, &'static str)> {
     let gather = host_layout!(GatherParams { strata, words, light, pad });
     let composite = host_layout!(CompositeParams { direct, indirect, pad0, pad1 });
     let downsample = host_layout!(DownsampleParams { width, height, factor, pad });
+    let compact = host_layout!(CompactParams { items, mask, value, scanned });
     let receivers = host_layout!(ReceiversParams { width, height, first, patterns, seed, pad0, pad1, pad2 });
     vec![
         (ray, "common/ray", "Ray"),
@@ -36,6 +38,7 @@ fn twins() -> Vec<(Layout, &'static str, &'static str)> {
         (light_samples(), "passes/lights/light_samples", "LightSamplesParams"),
         (receivers, "passes/gather/receivers", "ReceiversParams"),
         (gather, "common/gather_params", "GatherParams"),
+        (compact, "passes/refine/compact", "CompactParams"),
         (composite, "passes/composite/composite", "CompositeParams"),
         (downsample, "passes/composite/downsample", "DownsampleParams"),
     ]
