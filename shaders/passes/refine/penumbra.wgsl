@@ -21,9 +21,9 @@ struct PenumbraParams {
     one: f32,           // one stratum a block is asked
     four: f32,          // four are
     narrow: f32,        // the filter leaves what is narrower alone
+    wide: f32,          // and averages over 5 x 5 pixels from here on
     pad0: u32,
     pad1: u32,
-    pad2: u32,
 }
 
 @group(0) @binding(30) var<uniform> grid: Grid;
@@ -88,6 +88,6 @@ fn plans(
     let width = narrowest(cell_place(index, params.width));
     let subs = select(select(16u, 4u, width >= params.four), 1u, width >= params.one);
     let traced = select(PLAN_TRACED, 0u, width >= params.untraced);
-    let radius = select(select(0u, 1u, width >= params.narrow), 2u, width >= params.one);
+    let radius = select(select(0u, 1u, width >= params.narrow), 2u, width >= params.wide);
     cell_plan[index] = PLAN_ZONE | traced | (min(subs, params.most_subs) << PLAN_SUBS_SHIFT) | (radius << PLAN_RADIUS_SHIFT);
 }

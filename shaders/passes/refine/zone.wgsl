@@ -49,6 +49,18 @@ fn neighbours(place: vec2u) -> Votes {
     return votes;
 }
 
+// Blocks and those beside them on the light.
+fn with_beside(blocks: u32) -> u32 {
+    let across = params.blocks_u;
+    var first_column = 0u;
+    for (var b = 0u; b < BLOCKS; b += across) {
+        first_column |= 1u << b;
+    }
+    let to_right = (blocks << 1u) & ~first_column;
+    let to_left = (blocks & ~first_column) >> 1u;
+    return (blocks | to_right | to_left | (blocks << across) | (blocks >> across)) & ALL;
+}
+
 @compute @workgroup_size(64)
 fn main(
     @builtin(workgroup_id) group: vec3u,
@@ -73,7 +85,8 @@ fn main(
     if all(place < cells) {
         cell_state[cell_in_image(place, params.width)] = state;
     }
-    cell_agreed[i] = agreed | ((votes.seen & agreed) << 16u);
+    let sure = ALL & ~with_beside(ALL & ~agreed);
+    cell_agreed[i] = sure | ((votes.seen & sure) << 16u);
     cell_plan[i] = select(0u, PLAN_ZONE, state == STATE_ZONE && all(place < cells));
 }
 

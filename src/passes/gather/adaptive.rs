@@ -7,7 +7,7 @@ use crate::error::Result;
 use crate::gpu::{Buffer, Usage};
 use crate::passes::lights::light_samples::{self, LightSamples};
 use crate::passes::refine::light_bounds::{self, LightFrame, Tiles, flags};
-use crate::passes::refine::list_params::{Asked, CELL_PIXELS, TILE_CELLS, WORDS};
+use crate::passes::refine::list_params::{Asked, CELL_PIXELS, WORDS};
 use crate::passes::refine::penumbra::{self, PenumbraParams};
 use crate::passes::refine::uniform_levels::Levels;
 use crate::passes::refine::zone::{self, Cells};
@@ -40,6 +40,7 @@ pub fn record(context: &mut Context<'_, '_>, gbuffer: &GBuffer) -> Result<Direct
     context.recorder.clear(&irradiance)?;
     context.recorder.clear(&pixel_lights)?;
     context.recorder.clear(&active)?;
+    let mut found = Found::default();
     let mut levels = Levels::new(context, context.view.tiled as usize / TILE_PIXELS as usize)?;
     for light in 0..context.prepared.lights {
         let row = context.prepared.light_rows[light * LIGHT_ROWS + RADIANCE_ROW];
@@ -49,12 +50,38 @@ pub fn record(context: &mut Context<'_, '_>, gbuffer: &GBuffer) -> Result<Direct
         let frame = LightFrame::of(context, light);
         let tiles = light_bounds::record(context, gbuffer, &frame, light as u32, &pixel_lights, &active)?;
         let work = Light::new(context, gbuffer, frame, tiles, light)?;
-        let share = work.visible_share(context)?;
+        let share = work.visible_share(context, &mut found)?;
         levels.add(context, gbuffer, &pixel_lights, &work.cells, !work.light.is_area())?;
         work.shade(context, &share, &irradiance)?;
     }
     levels.finish(context, gbuffer, &pixel_lights)?;
-    Ok(Direct { irradiance, active, samples: 1, levels: Some([levels.level_map, levels.reason_map]) })
+    let levels = Some([levels.level_map, levels.reason_map]);
+    Ok(Direct { irradiance, active, samples: 1, levels, empty: found.empty() })
+}
+
+/// What the lists of all lights held together.
+#[derive(Default)]
+struct Found {
+    open_tiles: usize,
+    zone_cells: usize,
+    traced_cells: usize,
+}
+
+impl Found {
+    /// Passes that had nothing to do.
+    fn empty(&self) -> Vec<(&'static str, &'static str)> {
+        let of = |count: usize, passes: &[&'static str], reason: &'static str| {
+            passes.iter().filter(|_| count == 0).map(|&pass| (pass, reason)).collect::<Vec<_>>()
+        };
+        let open = ["direct/cell_rays", "direct/cell_shadow", "direct/cells"];
+        let zone = ["direct/penumbra_rays", "direct/penumbra_trace", "direct/penumbra", "direct/share"];
+        let traced = ["direct/zone_rays", "direct/zone_shadow"];
+        let mut all = of(self.open_tiles, &open, "every tile is proven lit or dark");
+        all.extend(of(self.zone_cells, &zone, "there is no penumbra"));
+        all.extend(of(self.zone_cells, &["direct/smooth_share"], "there is no penumbra"));
+        all.extend(of(self.traced_cells, &traced, "no pixel lies in a narrow penumbra"));
+        all
+    }
 }
 
 /// One light at work.
@@ -86,7 +113,7 @@ impl<'g> Light<'g> {
     }
 
     /// Which part of the light each pixel sees: `cells.state`, and in the zone the buffer that is returned.
-    fn visible_share(&self, context: &mut Context<'_, '_>) -> Result<Buffer<[f32; 4]>> {
+    fn visible_share(&self, context: &mut Context<'_, '_>, found: &mut Found) -> Result<Buffer<[f32; 4]>> {
         if !context.settings.is("visibility", "none") {
             let (frame, tiles) = (&self.frame, &self.tiles);
             context.tracer.prove(
@@ -98,18 +125,19 @@ impl<'g> Light<'g> {
                 self.gbuffer,
                 &context.view,
             )?;
-            self.ask_open_tiles(context)?;
+            found.open_tiles += self.ask_open_tiles(context)?;
         }
         zone::record(context, &self.light, &self.tiles, &self.cells)?;
         if !self.light.is_area() || context.settings.is("visibility", "none") {
             return Ok(self.cells.share.clone());
         }
         let zone = self.list(context, "zone_cells", (&self.cells.plan, self.cells.count), PLAN_ZONE, PLAN_ZONE)?;
+        found.zone_cells += zone.count;
         if zone.count == 0 {
             return Ok(self.cells.share.clone());
         }
         self.plan_zone(context, &zone)?;
-        self.ask_zone(context)
+        self.ask_zone(context, found)
     }
 
     /// Entries of `flags` whose bits in `mask` are `value`.
@@ -173,7 +201,7 @@ impl<'g> Light<'g> {
     }
 
     /// One answer a block of strata for each cell of the tiles of which nothing is proven.
-    fn ask_open_tiles(&self, context: &mut Context<'_, '_>) -> Result<()> {
+    fn ask_open_tiles(&self, context: &mut Context<'_, '_>) -> Result<usize> {
         let mask = flags::FACING | flags::LIT | flags::DARK;
         let open = self.list(context, "open_tiles", (&self.tiles.flags, self.tiles.count), mask, flags::FACING)?;
         self.ask(
@@ -183,7 +211,8 @@ impl<'g> Light<'g> {
             "cell_shadow",
             |context, piece| cell_rays::record(context, &self.frame, piece),
             |context, piece| cells::record(context, piece, &self.cells.bits),
-        )
+        )?;
+        Ok(open.count)
     }
 
     /// How wide the penumbra is at each cell of the zone, and what it does.
@@ -206,10 +235,11 @@ impl<'g> Light<'g> {
     }
 
     /// Asks, weighs and smooths.
-    fn ask_zone(&self, context: &mut Context<'_, '_>) -> Result<Buffer<[f32; 4]>> {
+    fn ask_zone(&self, context: &mut Context<'_, '_>, found: &mut Found) -> Result<Buffer<[f32; 4]>> {
         let plan = (&self.cells.plan, self.cells.count);
         let both = PLAN_ZONE | PLAN_TRACED;
         let traced = self.list(context, "traced_cells", plan, both, both)?;
+        found.traced_cells += traced.count;
         let coarse = self.list(context, "coarse_cells", plan, both, PLAN_ZONE)?;
         self.ask(
             context,

@@ -16,6 +16,7 @@ use crate::passes::lights::light_samples;
 use crate::passes::visibility::Receiver;
 use crate::passes::visibility::shadow::ShadowLight;
 use crate::passes::{Context, GBuffer, TILE_PIXELS};
+use crate::plan;
 
 /// Rays that the native trace answers in about 0.1 s on two cores; a GPU takes more at once.
 const RAYS_NATIVE: usize = 1 << 21;
@@ -33,6 +34,8 @@ pub struct Direct {
     pub samples: u64,
     /// Level and reason of each pixel's fragment, where there are larger ones than pixels.
     pub levels: Option<[Buffer<u32>; 2]>,
+    /// Passes that had nothing to do, and why.
+    pub empty: Vec<(&'static str, &'static str)>,
 }
 
 /// Receivers that are worked on at once.
@@ -47,7 +50,7 @@ fn chunk_len(context: &Context<'_, '_>, strata: u32) -> usize {
 /// # Errors
 /// Those of the device; `Cancelled`.
 pub fn record(context: &mut Context<'_, '_>, gbuffer: &GBuffer) -> Result<Direct> {
-    if !context.settings.is("refine", "none") && context.settings.is("direct_estimator", "ratio") {
+    if plan::is_adaptive(context.settings) {
         return adaptive::record(context, gbuffer);
     }
     let irradiance = context.resources.buffer("direct_irradiance", context.view.pixels())?;
@@ -71,7 +74,7 @@ pub fn record(context: &mut Context<'_, '_>, gbuffer: &GBuffer) -> Result<Direct
         first += count;
     }
     let samples = samples.iter().map(|s| u64::from(s.strata)).sum();
-    Ok(Direct { irradiance, active, samples, levels: None })
+    Ok(Direct { irradiance, active, samples, levels: None, empty: Vec::new() })
 }
 
 fn shade(context: &mut Context<'_, '_>, work: &Gathered<'_>) -> Result<()> {

@@ -13,7 +13,8 @@ use crate::passes::{Context, GBuffer};
 const UNTRACED: f32 = 48.0;
 const ONE: f32 = 16.0;
 const FOUR: f32 = 0.0;
-const NARROW: f32 = 5.0;
+const NARROW: f32 = 3.0;
+const WIDE: f32 = 16.0;
 
 /// Twin of `PenumbraParams` in `shaders/passes/refine/penumbra.wgsl`.
 #[repr(C)]
@@ -37,12 +38,12 @@ pub struct PenumbraParams {
     pub four: f32,
     /// Width below which nothing is averaged.
     pub narrow: f32,
+    /// Width from which on 5 × 5 pixels are averaged.
+    pub wide: f32,
     /// Unused.
     pub pad0: u32,
     /// Unused.
     pub pad1: u32,
-    /// Unused.
-    pub pad2: u32,
 }
 
 impl PenumbraParams {
@@ -64,6 +65,7 @@ impl PenumbraParams {
             one: knob("MIP_ONE", ONE),
             four: knob("MIP_FOUR", FOUR),
             narrow: knob("MIP_NARROW", NARROW),
+            wide: knob("MIP_WIDE", WIDE),
             ..Self::zeroed()
         }
     }
