@@ -19,17 +19,17 @@ import warnings
 from pathlib import Path
 from typing import Any
 
-ROOT = Path(__file__).resolve().parent.parent
-sys.path.insert(0, str(ROOT))  # the scenes are shared with the tests
+sys.path.insert(0, str(Path(__file__).resolve().parents[1]))  # the scenes are shared with the tests
+
+import numpy as np
 
 import claim_tables
 import measure
-import numpy as np
-from mitsuba_at_error import Peer
-
 import miplight as ml
+from mitsuba_at_error import Peer
 from tests.claim_scenes import CLAIMS, Bounds, available
 
+ROOT = Path(__file__).resolve().parents[1]
 LARGE = 1024  # from here on the peer is brute force
 BRUTE = ml.Settings.preset("brute-force").replace(light_samples=256)
 REFERENCE_SPP = {256: 1024, 512: 256}  # each half; the halves cancel the noise that is left

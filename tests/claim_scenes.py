@@ -172,7 +172,7 @@ def _of(make: Callable[[], trimesh.Scene]) -> Callable[[int, int], SceneAndCamer
 _SCAN = Bounds(0.02, 0.006)
 _CLUTTER = Bounds(0.04, rays_a_pixel=None, fragments_a_pixel=None, faster={})
 _OPEN = Bounds(rays_a_pixel=None, fragments_a_pixel=None, faster={})
-_CARD, _VIDEO = ml.shapes.test_card(), ml.shapes.video_frame()
+_CARD, _VIDEO = ml.shapes.color_card(), ml.shapes.video_frame()
 
 CLAIMS: dict[str, Claim] = {
     "dragon_one": Claim(_dragon_room, _SCAN, True),

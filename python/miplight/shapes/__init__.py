@@ -1,6 +1,6 @@
 """Procedural geometry for demos, tests and measurements: always the same triangles for the same arguments.
 
-`test_card` and `video_frame` are pictures for lights.
+`color_card` and `video_frame` are pictures for lights.
 
 Single shapes are `trimesh.Trimesh`, whole places are `trimesh.Scene` with base colours (and shared geometry
 where things repeat); both go into `Scene.add_mesh` and `Scene.from_trimesh`. Y is up, lengths are in metres
@@ -22,7 +22,7 @@ from .hard_places import bare_floor, half_unlit, wires_and_slats
 from .interior import cluttered_interior
 from .primitives import box, lathe, merge, quad, tube
 from .rooms import room, towers
-from .screens import test_card, video_frame
+from .screens import color_card, video_frame
 from .sphere import displaced_sphere
 from .thin import crossing_ribbon, fence, slats, wires
 
@@ -31,6 +31,7 @@ __all__ = [
     "box",
     "cluttered_interior",
     "colonnade",
+    "color_card",
     "crossing_ribbon",
     "displaced_sphere",
     "fence",
@@ -40,7 +41,6 @@ __all__ = [
     "quad",
     "room",
     "slats",
-    "test_card",
     "towers",
     "tube",
     "video_frame",

@@ -7,10 +7,10 @@ from numpy.typing import NDArray
 
 from miplight.validate import as_count, as_number
 
-__all__ = ["test_card", "video_frame"]
+__all__ = ["color_card", "video_frame"]
 
 
-def test_card(rows: int = 24, columns: int = 32, radiance: float = 6.0) -> NDArray[np.float32]:
+def color_card(rows: int = 24, columns: int = 32, radiance: float = 6.0) -> NDArray[np.float32]:
     """Picture that no turn and no mirror leaves alike: gradients, bars of colour, one bright corner.
 
     Parameters
