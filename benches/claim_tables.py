@@ -61,10 +61,10 @@ def markdown(rows: list[dict[str, Any]]) -> str:
         cells = [row["scene"], str(row["size"]), *_cells(row), "; ".join(row["broken"]) or "–"]
         lines.append("| " + " | ".join(cells) + " |")
     note = (
-        "Errors against Mitsuba (pixel centres, direct light), the worst 0.1 % left out, and all of them; rays "
-        "of all kinds and fragments a pixel that sees a surface. The peer at 256 and 512 is Mitsuba at its best, "
-        "at our error (<: its 16 samples are better already, >: its 1,024 are not good enough); at 1024 it is "
-        "`brute-force` with 256 samples."
+        "Errors against Mitsuba (pixel centres, direct light), the worst 0.1 % left out, and all of them; "
+        "rays of all kinds and fragments a pixel that sees a surface. The peer at 256 and 512 is Mitsuba at "
+        "its best, at our error (<: its 16 samples are better already, >: its 1,024 are not good enough); "
+        "at 1024 it is `brute-force` with 256 samples."
     )
     return f"# Claims about direct light\n\n{note}\n\n" + "\n".join(lines) + "\n"
 
@@ -74,7 +74,8 @@ def write_maps(frame: ml.Frame, folder: Path) -> None:
     from matplotlib import pyplot as plt
 
     folder.mkdir(parents=True, exist_ok=True)
-    figure = plt.figure(figsize=(9, 6), layout="constrained")
-    frame.fragments.plot(ax=figure.add_subplot())
+    figure = plt.figure(figsize=(15, 6), layout="constrained")
+    for column, by in enumerate(("level", "reason"), 1):
+        frame.fragments.plot(figure.add_subplot(1, 2, column), by)
     figure.savefig(folder / "fragments.png", dpi=110)
     plt.close(figure)

@@ -1,7 +1,7 @@
 """Mitsuba's time to a given error: its errors are kept on disk, its times are measured in this run.
 
-What is timed is the job that we do, direct light through the pixel centres, with the `multijitter` sampler, by
-the integrator that is faster to the error: light sampling alone, or light and material sampling weighted.
+What is timed is the job that we do, direct light through the pixel centres, with the `multijitter` sampler,
+by the integrator that is faster to the error: light sampling alone, or light and material sampling weighted.
 """
 
 from __future__ import annotations

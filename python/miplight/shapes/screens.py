@@ -59,4 +59,6 @@ def video_frame(
     picture = night + sun[..., None] * (1.0, 0.9, 0.7) + fire[..., None] * (0.5, 0.18, 0.03)
     letters = (np.floor(40 * x) * 7 + np.floor(4 * t)) % 3 > 0
     picture[(y > 0.86) & (y < 0.92) & (x > 0.25) & (x < 0.75) & letters] = 0.25
-    return (level * picture / picture.max()).astype(np.float32)
+    bright = level / float(picture.max())
+    result: NDArray[np.float32] = (bright * picture).astype(np.float32)
+    return result
