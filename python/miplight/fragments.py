@@ -174,7 +174,6 @@ def _draw(ax: Axes, values: NDArray[np.uint8], culled: NDArray[np.bool_], by: st
 
 def _any_of_block(pixels: NDArray[np.bool_], size: int) -> NDArray[np.bool_]:
     # the last row and column of blocks may hang over the image
-    height, width = pixels.shape
-    padded = np.pad(pixels, ((0, -height % size), (0, -width % size)))
-    blocks = padded.reshape(padded.shape[0] // size, size, padded.shape[1] // size, size)
-    return np.asarray(blocks.any(axis=(1, 3)))
+    rows, columns = (range(0, length, size) for length in pixels.shape)
+    along = np.logical_or.reduceat(pixels, list(rows), axis=0)
+    return np.asarray(np.logical_or.reduceat(along, list(columns), axis=1), np.bool_)
