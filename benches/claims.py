@@ -56,14 +56,16 @@ def _costs(
     renderer: ml.Renderer, scene: ml.Scene, camera: ml.Camera, settings: ml.Settings
 ) -> dict[str, Any]:
     """Rays, evaluations and fragments a pixel that sees a surface."""
+    off = settings.replace(direct="off")
+    # a still frame does not trace again what each pixel sees: those rays are counted apart
+    first, still = (renderer.render(scene, camera, off).stats.rays for _ in range(2))
     frame = renderer.render(scene, camera, settings)
     pixels = max(int(frame.surface_mask.sum()), 1)
-    fragments, rays = frame.fragments, frame.stats.rays
-    primary = renderer.render(scene, camera, settings.replace(direct="off")).stats.rays
+    fragments, shadow_rays = frame.fragments, frame.stats.rays - still
     return {
         "surface_pixels": pixels,
-        "rays_a_pixel": rays / pixels,
-        "shadow_rays": rays - primary,
+        "rays_a_pixel": (shadow_rays + max(first, camera.width * camera.height)) / pixels,
+        "shadow_rays": shadow_rays,
         "light_evaluations": frame.stats.light_evaluations,
         "fragments": fragments.total,
         "fragments_a_pixel": fragments.total / pixels,
