@@ -3,7 +3,9 @@
 #[allow(clippy::module_inception, reason = "the pass has the name of its stage")]
 pub mod gather;
 pub mod gather_ratio;
+pub mod irradiance;
 pub mod receivers;
+pub mod textured_share;
 
 use self::gather::Gathered;
 use crate::error::Result;
