@@ -282,12 +282,11 @@ impl Light<'_> {
         irradiance: &Buffer<[f32; 4]>,
     ) -> Result<()> {
         let work = IrradianceWork {
-            light: &self.light,
+            light: self.light.light,
             gbuffer: self.gbuffer,
             tile_flags: &self.tiles.flags,
             cell_state: &self.cells.state,
             share,
-            radiance_tiles: &self.radiance_tiles,
             irradiance,
         };
         irradiance::record(context, &work)
