@@ -61,7 +61,20 @@ fn twins() -> Vec<(Layout, &'static str, &'static str)> {
 fn adaptive() -> Vec<(Layout, &'static str, &'static str)> {
     let frame = host_layout!(LightFrame { corner, extent_a, dual_u, extent_b, dual_v, two_sided, normal, cos_cutoff });
     let bounds = host_layout!(TileBounds { lo, facing, hi, pad });
-    let list = host_layout!(ListParams { width, height, light, patterns, seed, first, blocks_u, reuse });
+    let list = host_layout!(ListParams {
+        width,
+        height,
+        light,
+        patterns,
+        seed,
+        first,
+        blocks_u,
+        reuse,
+        boosts,
+        pad0,
+        pad1,
+        pad2
+    });
     let light_bounds = host_layout!(LightBoundsParams { width, height, light, unshadowed });
     let levels = host_layout!(UniformLevelsParams { width, height, slot, coarsest, own_pixels, again, last, pad });
     let penumbra = host_layout!(PenumbraParams {
