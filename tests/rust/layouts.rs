@@ -11,6 +11,7 @@ use miplight::passes::gather::gather::GatherParams;
 use miplight::passes::gather::receivers::ReceiversParams;
 use miplight::passes::indirect::{GatherPath, GatherWave};
 use miplight::passes::lights::light_samples::LightSamplesParams;
+use miplight::passes::visibility::prove::ProveParams;
 use miplight::passes::visibility::{Hit, Ray, Receiver};
 use miplight::passes::{TILE, TILE_PIXELS, View};
 use miplight::scene::prepare::{InstanceRecord, LIGHT_ROWS, NO_LIGHT, Prepared};
@@ -25,7 +26,9 @@ fn twins() -> Vec<(Layout, &'static str, &'static str)> {
     let composite = host_layout!(CompositeParams { direct, indirect, pad0, pad1 });
     let downsample = host_layout!(DownsampleParams { width, height, factor, pad });
     let receivers = host_layout!(ReceiversParams { width, height, first, patterns, seed, pad0, pad1, pad2 });
+    let prove = host_layout!(ProveParams { width, height, pad0, pad1 });
     vec![
+        (prove, "passes/visibility/prove", "ProveParams"),
         (ray, "common/ray", "Ray"),
         (hit, "common/ray", "Hit"),
         (receiver, "common/ray", "Receiver"),

@@ -2,6 +2,8 @@
 
 mod native;
 pub mod placed;
+pub mod prove;
+pub mod prove_native;
 pub mod shadow;
 pub mod trace;
 pub mod trace_native;

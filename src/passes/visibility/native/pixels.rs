@@ -1,6 +1,7 @@
 //! The pixels of a tile in a light's coordinates.
 use super::super::prove_native::ProofTiles;
 use super::prove::Side;
+use super::shaft::Interval;
 use super::simd::three;
 use glam::Vec3;
 
@@ -23,8 +24,8 @@ fn xyz(row: &[u32; 4]) -> Vec3 {
 }
 
 impl Pixels {
-    /// Loads a tile.
-    pub(crate) fn new(tiles: &ProofTiles<'_>, side: &Side, tile: usize) -> Self {
+    /// Loads a tile whose facing pixels lie inside `bounds`.
+    pub(crate) fn new(tiles: &ProofTiles<'_>, side: &Side, bounds: &Interval, tile: usize) -> Self {
         let mut pixels =
             Self { origin: [[0.0; TILE_PIXELS]; 3], normal: [[0.0; TILE_PIXELS]; 3], active: 0, flat: None };
         let across = (tiles.width as usize).div_ceil(TILE);
@@ -33,7 +34,7 @@ impl Pixels {
             let (x, y) = (left + i % TILE, top + i / TILE);
             let at = y * tiles.width as usize + x;
             if x < tiles.width as usize && y < tiles.height as usize && tiles.normal[at][3] == 1 {
-                pixels.add(tiles, side, i, at);
+                pixels.add(tiles, side, bounds, i, at);
             }
         }
         pixels.flat = pixels.common_plane();
@@ -55,7 +56,7 @@ impl Pixels {
         Some((normal, least))
     }
 
-    fn add(&mut self, tiles: &ProofTiles<'_>, side: &Side, i: usize, at: usize) {
+    fn add(&mut self, tiles: &ProofTiles<'_>, side: &Side, bounds: &Interval, i: usize, at: usize) {
         let geo = xyz(&tiles.geometric[at]);
         let q = xyz(&tiles.position[at]) + geo * f32::from_bits(tiles.position[at][3]) - Vec3::from(tiles.frame.corner);
         let (shade, slack) = (xyz(&tiles.normal[at]), side.scene.slack);
@@ -69,7 +70,9 @@ impl Pixels {
             top[0] + top[1] + top[2] > -(doubt[0] + doubt[1] + doubt[2])
         };
         let normal = along(geo);
-        if origin[2] > -slack[2] && faces(normal) && faces(along(shade)) {
+        // Facing pixels lie inside the bounds, which were found by the same sums.
+        let inside = three!(r => origin[r] >= bounds.lo[r] - slack[r] && origin[r] <= bounds.hi[r] + slack[r]);
+        if inside == [true; 3] && faces(normal) && faces(along(shade)) {
             self.active |= 1 << i;
         }
         for r in 0..3 {

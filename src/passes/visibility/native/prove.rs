@@ -157,8 +157,8 @@ impl Search<'_> {
             mask &= !separate::apart(&corners, &self.origin, &self.light, space.slack);
         }
         if mask != 0 && !DARK {
-            let (job, side, tile) = (self.job, self.side, self.tile);
-            let pixels = self.pixels.get_or_insert_with(|| Box::new(Pixels::new(job.tiles, side, tile)));
+            let (job, side, tile, bounds) = (self.job, self.side, self.tile, self.origin);
+            let pixels = self.pixels.get_or_insert_with(|| Box::new(Pixels::new(job.tiles, side, &bounds, tile)));
             if let Some((normal, least)) = pixels.flat {
                 mask &= !separate::under_plane(&corners, normal, least, space.slack);
             }
