@@ -6,6 +6,7 @@ use glam::Vec3;
 use crate::error::Result;
 use crate::gpu::Buffer;
 use crate::passes::Context;
+use crate::scene::material::Texture;
 use crate::scene::prepare::{LIGHT_ROWS, strata_grid};
 
 /// Sets of jittered points; a pixel uses one by its hash. Enough that neighbours rarely share one, few enough that a
@@ -32,8 +33,8 @@ pub struct LightSamplesParams {
     pub jittered: u32,
     /// Written as the points' fourth number.
     pub t_max: f32,
-    /// Unused.
-    pub pad: u32,
+    /// 1: strata row by row, not block by block.
+    pub by_rows: u32,
 }
 
 /// The samples of one light.
@@ -43,6 +44,8 @@ pub struct LightSamples {
     pub light: u32,
     /// Samples a pattern.
     pub strata: u32,
+    /// Strata along edge u.
+    pub strata_u: u32,
     /// Sets of points.
     pub patterns: u32,
     /// patterns × strata points, fourth number the largest t of a ray to it.
@@ -55,6 +58,15 @@ pub struct LightSamples {
     pub two_sided: bool,
     /// Cosine of a spot's half-angle, −2 for area lights.
     pub cos_cutoff: f32,
+    /// Two bits for each of 16 blocks of strata: 0 it is dim, 1 as bright as most, 2 bright.
+    pub boosts: u32,
+}
+
+impl LightSamples {
+    /// An area light, not a spot.
+    pub fn is_area(&self) -> bool {
+        self.cos_cutoff < -1.0
+    }
 }
 
 /// How many sets of points a pattern setting needs.
@@ -69,8 +81,91 @@ pub fn patterns(context: &Context<'_, '_>) -> u32 {
 pub fn record(context: &mut Context<'_, '_>) -> Result<Vec<LightSamples>> {
     let prepared = context.prepared;
     (0..prepared.lights)
-        .map(|light| if light < prepared.area_lights { area(context, light) } else { spot(context, light) })
+        .map(|light| {
+            if light >= prepared.area_lights {
+                return spot(context, light);
+            }
+            let [length_u, length_v] = lengths(context, light);
+            area(context, light, strata_grid(context.settings.int("light_samples"), length_u, length_v))
+        })
         .collect()
+}
+
+fn lengths(context: &Context<'_, '_>, light: usize) -> [f64; 2] {
+    let rows = rows(context, light);
+    [1, 2].map(|row| f64::from(xyz(rows[row]).length()))
+}
+
+/// A light with 256 samples a pattern in 16 blocks of 4 × 4, as `shaders/common/strata.wgsl` wants them, and the mean
+/// radiance times area of the 64 quarters of these blocks, row by row.
+///
+/// # Errors
+/// Those of the device.
+pub fn blocks(context: &mut Context<'_, '_>, light: usize) -> Result<(LightSamples, Buffer<[f32; 4]>)> {
+    if light >= context.prepared.area_lights {
+        let tiles = context.resources.buffer("radiance_tiles", 1)?;
+        return Ok((spot(context, light)?, tiles));
+    }
+    let [length_u, length_v] = lengths(context, light);
+    let [blocks_u, blocks_v] = strata_grid(16, length_u, length_v);
+    let mut samples = area(context, light, [4 * blocks_u, 4 * blocks_v])?;
+    if let Some(texture) = context.prepared.light_textures.get(&light) {
+        samples.boosts = boosts(texture, [blocks_u, blocks_v]);
+    }
+    let tiles: Buffer<[f32; 4]> = context.resources.buffer("radiance_tiles", 64)?;
+    let grid = [2 * blocks_u, 2 * blocks_v];
+    let params = LightSamplesParams { by_rows: 1, ..parameters(context, light, grid) };
+    radiance(context, &params, &tiles)?;
+    Ok((samples, tiles))
+}
+
+/// [`LightSamples::boosts`] of a light of one colour.
+const AS_MOST: u32 = 0x5555_5555;
+/// Mean radiance of a block over the light's from which on it is bright, and up to which it is dim.
+const BRIGHT: f32 = 1.5;
+const DIM: f32 = 0.3;
+/// Texels that are looked at along each edge of a block.
+const PROBES: usize = 16;
+
+/// Which blocks of a picture are bright.
+fn boosts(texture: &Texture, [blocks_u, blocks_v]: [u32; 2]) -> u32 {
+    let across = [blocks_u as usize * PROBES, blocks_v as usize * PROBES];
+    let (width, height) = (texture.width as usize, texture.height as usize);
+    let mut sums = [0.0_f32; 16];
+    for row in 0..across[1] {
+        for column in 0..across[0] {
+            let x = (2 * column + 1) * width / (2 * across[0]);
+            // Row 0 of the picture lies at b = 1.
+            let y = height - 1 - (2 * row + 1) * height / (2 * across[1]);
+            let texel = texture.texels[y * width + x];
+            sums[row / PROBES * blocks_u as usize + column / PROBES] += texel[0] + texel[1] + texel[2];
+        }
+    }
+    let mean = sums.iter().sum::<f32>() / 16.0;
+    let boost = |sum: f32| 1 + u32::from(sum > BRIGHT * mean) - u32::from(sum < DIM * mean);
+    sums.iter().enumerate().fold(0, |all, (block, &sum)| all | boost(sum) << (2 * block))
+}
+
+fn parameters(context: &Context<'_, '_>, light: usize, grid: [u32; 2]) -> LightSamplesParams {
+    let patterns = patterns(context);
+    LightSamplesParams {
+        light: light as u32,
+        strata_u: grid[0],
+        strata_v: grid[1],
+        patterns,
+        seed: context.settings.int("seed"),
+        jittered: u32::from(patterns > 1),
+        t_max: T_MAX,
+        by_rows: 0,
+    }
+}
+
+/// Mean radiance times area of each stratum.
+fn radiance(context: &mut Context<'_, '_>, params: &LightSamplesParams, to: &Buffer<[f32; 4]>) -> Result<()> {
+    let kernel = context.kernel("lights/light_samples", "radiance")?;
+    let lights = context.scene.lights()?;
+    let pass = context.recorder.pass("light_samples", &kernel).uniform("params", params);
+    pass.bind("lights", lights).bind("light_radiance", to).dispatch_groups((params.strata_u * params.strata_v) as usize)
 }
 
 fn rows<'p>(context: &Context<'p, '_>, light: usize) -> &'p [[f32; 4]] {
@@ -81,40 +176,29 @@ fn xyz(row: [f32; 4]) -> Vec3 {
     Vec3::new(row[0], row[1], row[2])
 }
 
-fn area(context: &mut Context<'_, '_>, light: usize) -> Result<LightSamples> {
+fn area(context: &mut Context<'_, '_>, light: usize, grid: [u32; 2]) -> Result<LightSamples> {
     let rows = rows(context, light);
-    let strata = context.settings.int("light_samples");
-    let [strata_u, strata_v] = strata_grid(strata, f64::from(xyz(rows[1]).length()), f64::from(xyz(rows[2]).length()));
-    let patterns = patterns(context);
-    let params = LightSamplesParams {
-        light: light as u32,
-        strata_u,
-        strata_v,
-        patterns,
-        seed: context.settings.int("seed"),
-        jittered: u32::from(patterns > 1),
-        t_max: T_MAX,
-        pad: 0,
-    };
+    let params = parameters(context, light, grid);
+    let (strata, patterns) = (grid[0] * grid[1], params.patterns);
     let count = (patterns * strata) as usize;
     let points = context.resources.buffer(&format!("light_points/{light}"), count)?;
-    let radiance = context.resources.buffer(&format!("light_radiance/{light}"), strata as usize)?;
+    let to = context.resources.buffer(&format!("light_radiance/{light}"), strata as usize)?;
     let kernel = context.kernel("lights/light_samples", "points")?;
     let lights = context.scene.lights()?;
     let pass = context.recorder.pass("light_samples", &kernel).uniform("params", &params);
     pass.bind("lights", lights).bind("light_points", &points).dispatch(count)?;
-    let kernel = context.kernel("lights/light_samples", "radiance")?;
-    let pass = context.recorder.pass("light_samples", &kernel).uniform("params", &params);
-    pass.bind("lights", lights).bind("light_radiance", &radiance).dispatch_groups(strata as usize)?;
+    radiance(context, &params, &to)?;
     Ok(LightSamples {
         light: light as u32,
         strata,
+        strata_u: grid[0],
         patterns,
         points,
-        radiance,
+        radiance: to,
         normal: xyz(rows[3]),
         two_sided: rows[1][3] != 0.0,
         cos_cutoff: -2.0,
+        boosts: AS_MOST,
     })
 }
 
@@ -130,11 +214,13 @@ fn spot(context: &mut Context<'_, '_>, light: usize) -> Result<LightSamples> {
     Ok(LightSamples {
         light: light as u32,
         strata: 1,
+        strata_u: 1,
         patterns,
         points,
         radiance,
         normal: xyz(rows[3]),
         two_sided: true,
         cos_cutoff: rows[4][3],
+        boosts: AS_MOST,
     })
 }
