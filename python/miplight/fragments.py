@@ -139,6 +139,5 @@ class Fragments:
 def _any_of_block(pixels: NDArray[np.bool_], size: int) -> NDArray[np.bool_]:
     # the last row and column of blocks may hang over the image
     height, width = pixels.shape
-    padded = np.pad(pixels, ((0, -height % size), (0, -width % size)))
-    blocks = padded.reshape(padded.shape[0] // size, size, padded.shape[1] // size, size)
-    return np.asarray(blocks.any(axis=(1, 3)))
+    rows = np.logical_or.reduceat(pixels, np.arange(0, height, size), axis=0)
+    return np.asarray(np.logical_or.reduceat(rows, np.arange(0, width, size), axis=1))

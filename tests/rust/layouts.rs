@@ -12,6 +12,8 @@ use miplight::passes::gather::receivers::ReceiversParams;
 use miplight::passes::indirect::{GatherPath, GatherWave};
 use miplight::passes::lights::light_samples::LightSamplesParams;
 use miplight::passes::refine::compact::CompactParams;
+use miplight::passes::refine::one_pass::OnePassParams;
+use miplight::passes::refine::pyramid::Pyramid;
 use miplight::passes::visibility::{Hit, Ray, Receiver};
 use miplight::passes::{TILE, TILE_PIXELS, View};
 use miplight::scene::prepare::{InstanceRecord, LIGHT_ROWS, NO_LIGHT, Prepared};
@@ -26,6 +28,7 @@ fn twins() -> Vec<(Layout, &'static str, &'static str)> {
     let composite = host_layout!(CompositeParams { direct, indirect, pad0, pad1 });
     let downsample = host_layout!(DownsampleParams { width, height, factor, pad });
     let compact = host_layout!(CompactParams { items, mask, value, scanned });
+    let pyramid = host_layout!(Pyramid { levels, coarsest, finest, level, pixel_width });
     let receivers = host_layout!(ReceiversParams { width, height, first, patterns, seed, pad0, pad1, pad2 });
     vec![
         (ray, "common/ray", "Ray"),
@@ -38,10 +41,25 @@ fn twins() -> Vec<(Layout, &'static str, &'static str)> {
         (light_samples(), "passes/lights/light_samples", "LightSamplesParams"),
         (receivers, "passes/gather/receivers", "ReceiversParams"),
         (gather, "common/gather_params", "GatherParams"),
+        (pyramid, "common/pyramid", "Pyramid"),
+        (one_pass(), "passes/refine/one_pass", "OnePassParams"),
         (compact, "passes/refine/compact", "CompactParams"),
         (composite, "passes/composite/composite", "CompositeParams"),
         (downsample, "passes/composite/downsample", "DownsampleParams"),
     ]
+}
+
+fn one_pass() -> Layout {
+    host_layout!(OnePassParams {
+        depth_threshold,
+        normal_threshold,
+        depth_metric,
+        normal_metric,
+        lights,
+        pad0,
+        pad1,
+        pad2
+    })
 }
 
 fn view() -> Layout {

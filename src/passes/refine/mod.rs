@@ -2,3 +2,5 @@
 
 pub mod compact;
 pub mod light_bounds;
+pub mod one_pass;
+pub mod pyramid;
