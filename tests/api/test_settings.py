@@ -22,7 +22,8 @@ from miplight._table import KNOBS, PRESETS, Knob
 NAMES = """direct indirect bounces indirect_visibility refine visibility visibility_reuse specular_visibility
     upsample form_factor light_samples light_pattern vpls coarsest_level finest_level depth_metric
     depth_threshold normal_metric normal_threshold illumination_threshold bit_threshold
-    light_cut_threshold voxel_resolution voxel_bias interleave specular supersample seed target_error budget_ms""".split()
+    light_cut_threshold voxel_resolution voxel_bias interleave specular supersample seed target_error
+    budget_ms""".split()
 PAPERS = ("splatting-2009", "radiosity-2009", "hierarchical-2009", "area-2010", "area-2016")
 
 
