@@ -285,7 +285,7 @@ pub const PRESETS: &[(&str, Option<Changes>)] = &[
     ("area-2010", None),
     ("area-2016", None),
     ("brute-force", Some(&[])),
-    ("default", Some(&[("direct_estimator", Default::Text("ratio"))])),
+    ("default", Some(&[("direct_estimator", Default::Text("ratio")), ("refine", Default::Text("one-pass"))])),
 ];
 
 impl Default {
