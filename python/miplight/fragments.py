@@ -174,12 +174,6 @@ def _draw(ax: Axes, values: NDArray[np.uint8], culled: NDArray[np.bool_], by: st
 
 def _any_of_block(pixels: NDArray[np.bool_], size: int) -> NDArray[np.bool_]:
     # the last row and column of blocks may hang over the image
-<<<<<<< HEAD
-    height, width = pixels.shape
-    rows = np.logical_or.reduceat(pixels, np.arange(0, height, size), axis=0)
-    return np.asarray(np.logical_or.reduceat(rows, np.arange(0, width, size), axis=1))
-=======
     rows, columns = (range(0, length, size) for length in pixels.shape)
     along = np.logical_or.reduceat(pixels, list(rows), axis=0)
     return np.asarray(np.logical_or.reduceat(along, list(columns), axis=1), np.bool_)
->>>>>>> main

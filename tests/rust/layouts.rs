@@ -7,6 +7,7 @@ use miplight::gpu::{self, Gpu, Usage, never};
 use miplight::host_layout;
 use miplight::passes::composite::composite::CompositeParams;
 use miplight::passes::composite::downsample::DownsampleParams;
+use miplight::passes::gather::fragment_receivers::FragmentReceiversParams;
 use miplight::passes::gather::gather::GatherParams;
 use miplight::passes::gather::receivers::ReceiversParams;
 use miplight::passes::indirect::{GatherPath, GatherWave};
@@ -32,6 +33,7 @@ fn twins() -> Vec<(Layout, &'static str, &'static str)> {
     let composite = host_layout!(CompositeParams { direct, indirect, pad0, pad1 });
     let downsample = host_layout!(DownsampleParams { width, height, factor, pad });
     let compact = host_layout!(CompactParams { items, mask, value, scanned });
+    let fragments = host_layout!(FragmentReceiversParams { first, patterns, seed, pad });
     let pyramid = host_layout!(Pyramid { levels, coarsest, finest, level, pixel_width });
     let receivers = host_layout!(ReceiversParams { width, height, first, patterns, seed, pad0, pad1, pad2 });
     let mut all = adaptive();
@@ -46,6 +48,7 @@ fn twins() -> Vec<(Layout, &'static str, &'static str)> {
         (light_samples(), "passes/lights/light_samples", "LightSamplesParams"),
         (receivers, "passes/gather/receivers", "ReceiversParams"),
         (gather, "common/gather_params", "GatherParams"),
+        (fragments, "passes/gather/fragment_receivers", "FragmentReceiversParams"),
         (pyramid, "common/pyramid", "Pyramid"),
         (one_pass(), "passes/refine/one_pass", "OnePassParams"),
         (compact, "passes/refine/compact", "CompactParams"),

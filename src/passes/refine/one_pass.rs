@@ -143,7 +143,7 @@ fn choose(context: &mut Context<'_, '_>, gbuffer: &GBuffer, texels: Texels, stat
     let pass = pass.bind("fragment_flags", &fragments.flags).bind("fragment_at", &fragments.at);
     pass.dispatch(places)?;
     let (flags, list, arguments) = (&fragments.flags, &fragments.list, &fragments.arguments);
-    compact::record(context, "compact", flags, places, FRAGMENT, FRAGMENT, list, arguments)?;
+    compact::record(context, "fragment_list", flags, places, FRAGMENT, FRAGMENT, list, arguments)?;
     Ok(fragments)
 }
 
@@ -159,5 +159,5 @@ pub fn level_list(
     arguments: &Buffer<u32>,
 ) -> Result<()> {
     let (places, value) = (context.view.tiled as usize, FRAGMENT | (level + 1));
-    compact::record(context, "compact", &fragments.flags, places, u32::MAX, value, list, arguments)
+    compact::record(context, "fragment_list", &fragments.flags, places, u32::MAX, value, list, arguments)
 }

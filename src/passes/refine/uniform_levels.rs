@@ -49,7 +49,10 @@ fn params(context: &Context<'_, '_>, levels: &Levels) -> UniformLevelsParams {
         width: context.view.width,
         height: context.view.height,
         slot: (levels.lights % LIGHTS) as u32,
-        coarsest: match context.settings.int("coarsest_level") { 0 => 5, l => l },
+        coarsest: match context.settings.int("coarsest_level") {
+            0 => 5,
+            l => l,
+        },
         own_pixels: 0,
         again: (levels.lights > LIGHTS).into(),
         pad0: 0,
@@ -104,12 +107,7 @@ impl Levels {
     ///
     /// # Errors
     /// Those of the device.
-    pub fn finish(
-        &self,
-        context: &mut Context<'_, '_>,
-        gbuffer: &GBuffer,
-        pixel_lights: &Buffer<u32>,
-    ) -> Result<()> {
+    pub fn finish(&self, context: &mut Context<'_, '_>, gbuffer: &GBuffer, pixel_lights: &Buffer<u32>) -> Result<()> {
         let params = params(context, self);
         let tiles = self.words.len() / TILE_CELLS;
         let tile_word: Buffer<u32> = context.resources.buffer("tile_word", tiles)?;
