@@ -97,6 +97,7 @@ SHADOW = np.dtype(
     ]
 )
 COMPOSITE = np.dtype(_fields("direct", "indirect", "pad0", "pad1"))
+FRAGMENT_RECEIVERS = np.dtype(_fields("first", "patterns", "seed", "pad"))
 PYRAMID = np.dtype(
     [("levels", "<u4", (17, 4)), *_fields("coarsest", "finest", "level"), ("pixel_width", "<f4")]
 )
