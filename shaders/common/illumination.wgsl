@@ -20,10 +20,12 @@ struct Above {
     weight: f32,    // 0 outside of the image
 }
 
-// Texel k of the four of the level above whose centres surround that of `texel`, and its bilinear weight.
-fn above(texel: vec2u, size: vec4u, k: u32) -> Above {
+// Texel k of the four of the level above whose centres surround that of `texel`, and its bilinear weight. The pixel in
+// the middle of a fragment lies half a pixel beyond the middle, at every level: from level 1 to pixels that is undone.
+fn above(texel: vec2u, size: vec4u, k: u32, to_pixels: bool) -> Above {
     let at = ((vec2i(texel) - 1) >> vec2u(1u)) + vec2i(i32(k & 1u), i32(k >> 1u));
-    let later = select(vec2f(0.75), vec2f(0.25), (texel & vec2u(1u)) == vec2u(1u));
+    let odd = (texel & vec2u(1u)) == vec2u(1u);
+    let later = select(vec2f(0.75), vec2f(0.25), odd) - select(0.0, 0.25, to_pixels);
     let weight = select(1.0 - later.x, later.x, (k & 1u) != 0u) * select(1.0 - later.y, later.y, k >= 2u);
     // A negative column is a large one as well.
     let inside = all(vec2u(at) < size.xy);

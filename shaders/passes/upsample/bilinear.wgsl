@@ -25,7 +25,7 @@ fn interpolated(level: u32, texel: vec2u) -> vec4f {
     let size = pyramid.levels[level];
     var sum = vec4f(0.0);
     for (var k = 0u; k < 4u; k++) {
-        let at = above(texel, size, k);
+        let at = above(texel, size, k, level == 1u);
         let light = illumination[slot(texel_number(size, at.texel))];
         sum += light.w * at.weight * vec4f(light.xyz, 1.0);
     }

@@ -55,7 +55,7 @@ fn interpolated(level: u32, texel: vec2u, p: vec3f, normal: vec3f, across: vec3f
     let home = illumination[slot(texel_number(size, texel >> vec2u(1u)))];
     var sum = vec4f(0.0);
     for (var k = 0u; k < 4u; k++) {
-        let at = above(texel, size, k);
+        let at = above(texel, size, k, level == 1u);
         let row = slot(texel_number(size, at.texel));
         let light = illumination[row];
         sum += light.w * at.weight * alike(row, level, p, normal, across) * vec4f(light.xyz, 1.0);

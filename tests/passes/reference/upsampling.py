@@ -51,10 +51,12 @@ class Case:
 
     def corners(self, level: int) -> Iterator[tuple[NDArray[np.int64], Array]]:
         """For each texel of `level` the four of the level above about it, with weights; 0 outside."""
-        columns, rows, _, count = self.levels[level]
+        columns, _, _, count = self.levels[level]
         wide, high, _, _ = self.levels[level + 1]
         row, column = np.divmod(np.arange(count), columns)
-        y, x = (row + 0.5) / 2 - 0.5, (column + 0.5) / 2 - 0.5
+        # receivers lie half a pixel beyond the middle of their fragment: towards the pixels that is undone
+        middle = 0.5 if level else 0.0
+        y, x = (row + middle) / 2 - 0.5, (column + middle) / 2 - 0.5
         for down in (0, 1):
             for right in (0, 1):
                 r, c = np.floor(y).astype(int) + down, np.floor(x).astype(int) + right

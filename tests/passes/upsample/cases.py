@@ -111,7 +111,7 @@ def constant(case: Case, value: float) -> Array:
 
 
 def step_case(runner: Runner, rng: np.random.Generator) -> tuple[Case, NDArray[np.bool_]]:
-    """Two walls that face the camera, the right one from column 29 on behind the left, light 1 and 0; which is left."""
+    """Two walls that face the camera, the right one (from column 29) farther off, light 1 and 0."""
     view = random_view(rng, 64, 32)
     g = plane_gbuffer(view, 0.0)
     left = np.arange(64 * 32) % 64 < 29
