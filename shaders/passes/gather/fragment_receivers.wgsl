@@ -3,7 +3,7 @@
 
 import package::common::gbuffer::{SURFACE, floats};
 import package::common::grid::{Grid, item_index};
-import package::common::pyramid::{Pyramid, footprint, texel_number};
+import package::common::pyramid::{footprint, pyramid, texel_number};
 import package::common::random::pcg4d;
 import package::common::ray::Receiver;
 import package::common::surface::offset_origin;
@@ -18,7 +18,6 @@ struct FragmentReceiversParams {
 
 @group(0) @binding(30) var<uniform> grid: Grid;
 @group(0) @binding(0) var<uniform> params: FragmentReceiversParams;
-@group(0) @binding(1) var<uniform> pyramid: Pyramid;
 @group(0) @binding(2) var<storage, read> g_position: array<vec4u>;
 @group(0) @binding(3) var<storage, read> g_normal: array<vec4u>;
 @group(0) @binding(4) var<storage, read> g_geometric: array<vec4u>;
@@ -61,7 +60,7 @@ fn main(
     let place = fragment_list[fragment];
     let level = (fragment_flags[place] & 255u) - 1u;
     let texel = pixel_in_tile_order(place, pyramid.levels[0].x) >> vec2u(level);
-    let pixel = middle_pixel(footprint(pyramid, level, texel));
+    let pixel = middle_pixel(footprint(level, texel));
     let at = pixel.y * pyramid.levels[0].x + pixel.x;
     let normal_geo = floats(g_geometric[at]);
     let origin = offset_origin(floats(g_position[at]), normal_geo, bitcast<f32>(g_position[at].w));

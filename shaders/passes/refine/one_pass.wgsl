@@ -14,7 +14,7 @@ import package::common::fragment::{
 import package::common::gbuffer::{NOTHING, SURFACE, floats};
 import package::common::grid::{Grid, item_index};
 import package::common::light::{Light, SPOT, light_at, lights};
-import package::common::pyramid::{Pyramid, footprint, level_of, texel_number, texel_of};
+import package::common::pyramid::{footprint, level_of, pyramid, texel_number, texel_of};
 import package::common::tiles::pixel_in_tile_order;
 import package::common::view::View;
 
@@ -31,7 +31,6 @@ struct OnePassParams {
 
 @group(0) @binding(30) var<uniform> grid: Grid;
 @group(0) @binding(0) var<uniform> params: OnePassParams;
-@group(0) @binding(1) var<uniform> pyramid: Pyramid;
 @group(0) @binding(2) var<uniform> view: View;
 @group(0) @binding(3) var<storage, read> g_position: array<vec4u>;
 @group(0) @binding(4) var<storage, read> g_normal: array<vec4u>;
@@ -61,15 +60,16 @@ fn reach(light: Light, p: vec3f, n: vec3f) -> u32 {
     return select(select(LIT, FACES_AWAY, away), LIES_BEHIND, behind);
 }
 
+// What all lights together may do: the best of what each may.
 fn reached(at: u32) -> u32 {
     let p = floats(g_position[at]);
     let n = floats(g_geometric[at]);
-    var found = 0u;
+    var found = LIES_BEHIND;
     for (var k = 0u; k < params.lights && (found & LIT) == 0u; k++) {
         found |= reach(light_at(k), p, n);
     }
-    let dark = select(LIES_BEHIND, FACES_AWAY, (found & FACES_AWAY) != 0u);
-    return select(dark, LIT, (found & LIT) != 0u);
+    // LIT, FACES_AWAY, LIES_BEHIND from the lowest bit on.
+    return found & (~found + 1u);
 }
 
 // A thread for each block of 2 x 2 pixels.
@@ -128,9 +128,9 @@ fn classify(
         return;
     }
     let number = pyramid.levels[1].z + slot;
-    let level = level_of(pyramid, number);
+    let level = level_of(number);
     let size = pyramid.levels[level];
-    let pixels = footprint(pyramid, level, texel_of(size, number - size.z));
+    let pixels = footprint(level, texel_of(size, number - size.z));
     let surfaces = means[3u * slot].w;
     let depth = dot(view.eye - floats(means[3u * slot]), view.backward);
     let width = f32(1u << level) * pyramid.pixel_width * depth;

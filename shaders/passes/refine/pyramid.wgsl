@@ -12,11 +12,10 @@
 
 import package::common::gbuffer::{SURFACE, floats, words};
 import package::common::grid::{Grid, item_index};
-import package::common::pyramid::{Pyramid, texel_number, texel_of};
+import package::common::pyramid::{pyramid, texel_number, texel_of};
 import package::common::view::View;
 
 @group(0) @binding(30) var<uniform> grid: Grid;
-@group(0) @binding(0) var<uniform> pyramid: Pyramid;
 @group(0) @binding(1) var<uniform> view: View;
 @group(0) @binding(2) var<storage, read> g_position: array<vec4u>;
 @group(0) @binding(3) var<storage, read> g_normal: array<vec4u>;
@@ -125,13 +124,15 @@ fn reduce(
             continue;
         }
         let at = slot(texel_number(below, child));
-        let rows = array(means[3u * at], means[3u * at + 1u], means[3u * at + 2u]);
-        let pixels = f32(rows[0].w);
-        count += rows[0].w;
-        position += pixels * floats(rows[0]);
-        normal += pixels * floats(rows[1]);
-        geometric += pixels * floats(rows[2]);
-        steepest = max(steepest, vec2f(bitcast<f32>(rows[2].w), bitcast<f32>(rows[1].w)));
+        let middle = means[3u * at];
+        let shading = means[3u * at + 1u];
+        let across = means[3u * at + 2u];
+        let pixels = f32(middle.w);
+        count += middle.w;
+        position += pixels * floats(middle);
+        normal += pixels * floats(shading);
+        geometric += pixels * floats(across);
+        steepest = max(steepest, vec2f(bitcast<f32>(across.w), bitcast<f32>(shading.w)));
         lo = min(lo, ranges[2u * at]);
         hi = max(hi, ranges[2u * at + 1u]);
     }
@@ -144,23 +145,30 @@ fn reduce(
     ranges[2u * at + 1u] = hi;
 }
 
-// Largest distance of a block of 2 x 2 pixels to a texel's plane over its width, and largest 1 - cosine to its normal.
-fn spread(at: u32, level: u32, pixels: vec4u, seen: vec4<bool>) -> vec2f {
+// A texel's mean position, its mean normals (zero where they cancel), and its width.
+struct Plane {
+    middle: vec3f,
+    normal: vec3f,
+    across: vec3f,
+    width: f32,
+}
+
+fn direction(v: vec3f) -> vec3f {
+    return select(vec3f(0.0), v / max(length(v), NO_NORMAL), length(v) > NO_NORMAL);
+}
+
+fn plane_of(at: u32, level: u32) -> Plane {
     let middle = floats(means[3u * at]);
-    let normal = floats(means[3u * at + 1u]);
-    let across = floats(means[3u * at + 2u]);
-    let known = vec2f(length(normal), length(across)) > vec2f(NO_NORMAL);
-    let n = normal / max(length(normal), NO_NORMAL);
-    let g = across / max(length(across), NO_NORMAL);
     let width = f32(1u << level) * pyramid.pixel_width * max(depth_of(middle), 1e-30);
-    var most = vec2f(0.0);
-    for (var k = 0u; k < 4u; k++) {
-        let offset = floats(g_position[pixels[k]]) - middle;
-        let distance = select(length(offset), abs(dot(g, offset)), known.y);
-        let angle = select(2.0, 1.0 - dot(n, floats(g_normal[pixels[k]])), known.x);
-        most = max(most, select(vec2f(0.0), vec2f(distance / width, angle), seen[k]));
-    }
-    return most;
+    return Plane(middle, direction(floats(means[3u * at + 1u])), direction(floats(means[3u * at + 2u])), width);
+}
+
+// Distance of a pixel to the plane over its width, and 1 - cosine to the normal; the most possible without a direction.
+fn apart(plane: Plane, position: vec4u, normal: vec4u, seen: bool) -> vec2f {
+    let offset = floats(position) - plane.middle;
+    let distance = select(length(offset), abs(dot(plane.across, offset)), any(plane.across != vec3f(0.0)));
+    let angle = select(2.0, max(1.0 - dot(plane.normal, floats(normal)), 0.0), any(plane.normal != vec3f(0.0)));
+    return select(vec2f(0.0), vec2f(distance / plane.width, angle), seen);
 }
 
 @compute @workgroup_size(64)
@@ -178,14 +186,25 @@ fn deviations(
     let y = vec4u(2u * first.y) + vec4u(0u, 0u, 1u, 1u);
     let inside = (x < vec4u(view.width)) & (y < vec4u(view.height));
     let pixels = select(vec4u(0u), y * view.width + x, inside);
-    let kinds = vec4u(g_normal[pixels.x].w, g_normal[pixels.y].w, g_normal[pixels.z].w, g_normal[pixels.w].w);
-    let seen = inside & (kinds == vec4u(SURFACE));
+    // Read once for all levels.
+    let p0 = g_position[pixels.x];
+    let p1 = g_position[pixels.y];
+    let p2 = g_position[pixels.z];
+    let p3 = g_position[pixels.w];
+    let n0 = g_normal[pixels.x];
+    let n1 = g_normal[pixels.y];
+    let n2 = g_normal[pixels.z];
+    let n3 = g_normal[pixels.w];
+    let seen = inside & (vec4u(n0.w, n1.w, n2.w, n3.w) == vec4u(SURFACE));
     if !any(seen) {
         return;
     }
     for (var level = 1u; level <= pyramid.coarsest; level++) {
         let at = slot(texel_number(pyramid.levels[level], first >> vec2u(level - 1u)));
-        let most = max(spread(at, level, pixels, seen), vec2f(0.0));
+        let plane = plane_of(at, level);
+        let most = max(
+            max(apart(plane, p0, n0, seen.x), apart(plane, p1, n1, seen.y)),
+            max(apart(plane, p2, n2, seen.z), apart(plane, p3, n3, seen.w)));
         // The bits of floats that are not negative are in their order.
         atomicMax(&spreads[2u * at], bitcast<u32>(most.x));
         atomicMax(&spreads[2u * at + 1u], bitcast<u32>(most.y));

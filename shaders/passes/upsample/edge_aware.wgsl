@@ -8,11 +8,10 @@
 import package::common::gbuffer::{SURFACE, floats};
 import package::common::grid::{Grid, item_index};
 import package::common::illumination::{Above, above, fragment_at, fragment_irradiance, illumination, own_light};
-import package::common::pyramid::{Pyramid, texel_number, texel_of};
+import package::common::pyramid::{pyramid, texel_number, texel_of};
 import package::common::view::View;
 
 @group(0) @binding(30) var<uniform> grid: Grid;
-@group(0) @binding(0) var<uniform> pyramid: Pyramid;
 @group(0) @binding(1) var<uniform> view: View;
 @group(0) @binding(2) var<storage, read> means: array<vec4u>;
 @group(0) @binding(3) var<storage, read> g_position: array<vec4u>;

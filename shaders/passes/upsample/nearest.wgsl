@@ -4,10 +4,9 @@
 import package::common::fragment::LEVEL_CULLED;
 import package::common::grid::{Grid, item_index};
 import package::common::illumination::{fragment_at, fragment_irradiance, own_light};
-import package::common::pyramid::{Pyramid, texel_number, texel_of};
+import package::common::pyramid::{pyramid, texel_number, texel_of};
 
 @group(0) @binding(30) var<uniform> grid: Grid;
-@group(0) @binding(0) var<uniform> pyramid: Pyramid;
 @group(0) @binding(1) var<storage, read> level_map: array<u32>;
 @group(0) @binding(2) var<storage, read_write> direct_irradiance: array<vec4f>;
 
