@@ -13,7 +13,11 @@ from miplight import _core
 ULP = 2.0**-24
 """Largest relative error of one float32 rounding."""
 
+<<<<<<< HEAD
 UNIFORMS = {"params", "view", "wave", "top_level", "pyramid"}
+=======
+UNIFORMS = {"params", "view", "wave", "top_level", "texture"}
+>>>>>>> main
 """Bindings that are one struct, not a list."""
 
 _HEAD = """
