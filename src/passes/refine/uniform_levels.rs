@@ -108,9 +108,6 @@ impl Levels {
     /// # Errors
     /// Those of the device.
     pub fn finish(&self, context: &mut Context<'_, '_>, gbuffer: &GBuffer, pixel_lights: &Buffer<u32>) -> Result<()> {
-<<<<<<< HEAD
-        let params = params(context, self);
-=======
         self.maps(context, gbuffer, pixel_lights, 1)
     }
 
@@ -122,7 +119,6 @@ impl Levels {
         last: u32,
     ) -> Result<()> {
         let params = UniformLevelsParams { last, ..params(context, self) };
->>>>>>> main
         let tiles = self.words.len() / TILE_CELLS;
         let tile_word: Buffer<u32> = context.resources.buffer("tile_word", tiles)?;
         let tile_level: Buffer<u32> = context.resources.buffer("tile_level", tiles)?;
