@@ -130,12 +130,18 @@ pub fn plan(facts: SceneFacts, settings: &Settings, valid: Valid) -> Plan {
 
 /// Whether shadows decide what is worth a ray.
 pub fn is_adaptive(settings: &Settings) -> bool {
-    !settings.is("refine", "none") && settings.is("direct_estimator", "ratio")
+    let coarse = settings.int("coarsest_level") > 0;
+    coarse && !settings.is("refine", "none") && settings.is("direct_estimator", "ratio")
+}
+
+/// Whether discontinuities of depth or normals split what shadows leave whole.
+pub fn splits_by_geometry(settings: &Settings) -> bool {
+    settings.float("depth_threshold").is_some() || settings.float("normal_threshold").is_some()
 }
 
 /// Whether one point of each fragment is shaded.
 pub fn has_fragments(settings: &Settings) -> bool {
-    !settings.is("refine", "none") && !is_adaptive(settings)
+    !settings.is("refine", "none") && !settings.is("direct_estimator", "ratio")
 }
 
 impl Plan {
@@ -148,8 +154,10 @@ impl Plan {
         let pixels = (!has_fragments(settings)).then_some("every pixel is shaded, or shadows decide what is");
         self.add(&DIRECT[1..2], direct.or(adaptive).or(fragments));
         let flat = (settings.int("coarsest_level") == 0).then_some("coarsest_level is 0");
-        self.add(&FRAGMENTS[..1], direct.or(pixels).or(flat));
-        self.add(&FRAGMENTS[1..], direct.or(pixels));
+        let chosen = if is_adaptive(settings) && splits_by_geometry(settings) { None } else { pixels };
+        self.add(&FRAGMENTS[..1], direct.or(chosen).or(flat));
+        self.add(&FRAGMENTS[1..3], direct.or(chosen));
+        self.add(&FRAGMENTS[3..], direct.or(pixels));
         let unshadowed = settings.is("visibility", "none").then_some("visibility is none");
         self.add(&DIRECT[2..3], direct.or(adaptive).or(unshadowed));
         let ratio = settings.is("direct_estimator", "ratio");

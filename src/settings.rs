@@ -184,7 +184,8 @@ pub const SPECS: &[Spec] = &[
         &["nearest", "bilinear", "edge-aware", "rbf"],
         &["nearest", "bilinear", "edge-aware"],
         "nearest",
-        "From fragments to pixels; with one fragment a pixel there is nothing to interpolate.",
+        "From fragments to pixels; with one fragment a pixel there is nothing to interpolate, and with \
+         `direct_estimator` ratio only the visible share is, see `penumbra_filter`.",
         "[NW09; KJ16]",
     ),
     choice(
@@ -195,7 +196,14 @@ pub const SPECS: &[Spec] = &[
         "What a virtual light is taken for.",
         "[NSW09 Eq. 1]",
     ),
-    int("light_samples", [1, 4096], 256, "Strata of equal area on each area light.", "[NPW10 Eq. 2]"),
+    int(
+        "light_samples",
+        [1, 4096],
+        256,
+        "Strata of equal area on each area light. With `refine` one-pass and `direct_estimator` ratio the most that a \
+         pixel may ask of 256: below 64 one of 16, below 256 four, from 1024 on all in every penumbra.",
+        "[NPW10 Eq. 2]",
+    ),
     choice(
         "direct_estimator",
         &["samples", "ratio"],
@@ -215,7 +223,12 @@ pub const SPECS: &[Spec] = &[
     ),
     later("vpls", Kind::Int { min: 1, max: 1_048_576, only: &[] }, "", "Virtual point lights.", "[NW09]"),
     level("coarsest_level", 4, "Level of the largest fragments.", "[NW09]"),
-    level("finest_level", 0, "Level of the smallest fragments, at most `coarsest_level`.", "[NPW10]"),
+    level(
+        "finest_level",
+        0,
+        "Level of the smallest fragments, at most `coarsest_level`; 0 or 1 where `direct_estimator` is ratio.",
+        "[NPW10]",
+    ),
     choice(
         "depth_metric",
         &["range", "derivative", "plane"],
@@ -309,6 +322,10 @@ pub const PRESETS: &[(&str, Option<Changes>)] = &[
             ("direct_estimator", Default::Text("ratio")),
             ("refine", Default::Text("one-pass")),
             ("visibility_reuse", Default::Text("incremental")),
+            ("coarsest_level", Default::Int(5)),
+            // Normals and depths do not matter to what is exact at each pixel: shadows alone refine.
+            ("depth_threshold", Default::None),
+            ("normal_threshold", Default::None),
         ]),
     ),
 ];

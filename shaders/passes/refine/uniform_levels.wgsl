@@ -16,7 +16,7 @@ struct UniformLevelsParams {
     slot: u32,          // of the light in the words, 0 to 14
     coarsest: u32,
     own_pixels: u32,    // the light's zone is shaded pixel by pixel
-    again: u32,         // the levels of other lights are there already
+    again: u32,         // the levels by geometry or by other lights are there already
     last: u32,          // no other lights follow
     pad: u32,
 }
@@ -140,14 +140,17 @@ fn map(
     let tiles_x = (params.width + TILE - 1u) / TILE;
     let top = tile_level[(pixel.y / TILE) * tiles_x + pixel.x / TILE];
     let before = select(params.coarsest, level_map[i], params.again != 0u);
-    let level = min(min(select(small_level(pixel / 2u), top, top != 0u), params.coarsest), before);
+    let seen_alike = min(select(small_level(pixel / 2u), top, top != 0u), params.coarsest);
+    let level = min(seen_alike, before);
     let kind = g_normal[i].w;
     let lights = pixel_lights[i];
     let away = select(BEHIND_LIGHT, FACING_AWAY, (lights & AWAY) != 0u);
-    let shaded_why = select(VISIBILITY, COARSEST, level == params.coarsest);
+    let split_why = select(VISIBILITY, reason_map[i], params.again != 0u && before < seen_alike);
+    let shaded_why = select(split_why, COARSEST, level == params.coarsest);
     let culled = (lights & FACED) == 0u;
     if params.last == 0u {
         level_map[i] = level;
+        reason_map[i] = shaded_why;
         return;
     }
     let level_seen = select(level, CULLED, kind != SURFACE || culled);

@@ -3,7 +3,7 @@
 
 use super::irradiance::{self, IrradianceWork};
 use super::{Direct, share, smooth_share};
-use crate::error::Result;
+use crate::error::{Error, Result};
 use crate::gpu::{Buffer, Usage};
 use crate::passes::lights::light_samples::{self, LightSamples};
 use crate::passes::refine::light_bounds::{self, LightFrame, Tiles, flags};
@@ -16,6 +16,8 @@ use crate::passes::visibility::shadow::ShadowLight;
 use crate::passes::{Context, GBuffer, TILE_PIXELS};
 use crate::scene::prepare::{LIGHT_ROWS, RADIANCE_ROW};
 
+/// Largest `finest_level`: that of the cells.
+const FINEST: u32 = 1;
 /// Receivers of a piece: a few megabytes, and work enough for a GPU.
 const RECEIVERS: usize = 1 << 17;
 /// Bit of `cell_plan`: the cell lies in the zone. Twins of the bits in `shaders/common/cells.wgsl`.
@@ -60,6 +62,13 @@ fn count<const N: usize>(context: &mut Context<'_, '_>, mut lists: [List; N]) ->
 /// # Errors
 /// Those of the device; `Cancelled`.
 pub fn record(context: &mut Context<'_, '_>, gbuffer: &GBuffer) -> Result<Direct> {
+    let finest = context.settings.int("finest_level");
+    if finest > FINEST {
+        return Err(Error::Settings(format!(
+            "setting finest_level is {finest}; with direct_estimator=\"ratio\" allowed: 0 or {FINEST}, because cells of \
+             2 x 2 pixels share what they ask of a light"
+        )));
+    }
     let pixels = context.view.pixels();
     let irradiance = context.resources.buffer("direct_irradiance", pixels)?;
     let pixel_lights: Buffer<u32> = context.resources.buffer("pixel_lights", pixels)?;
@@ -68,7 +77,7 @@ pub fn record(context: &mut Context<'_, '_>, gbuffer: &GBuffer) -> Result<Direct
     context.recorder.clear(&pixel_lights)?;
     context.recorder.clear(&active)?;
     let mut found = Found::default();
-    let mut levels = Levels::new(context, context.view.tiled as usize / TILE_PIXELS as usize)?;
+    let mut levels = Levels::new(context, gbuffer, context.view.tiled as usize / TILE_PIXELS as usize)?;
     for light in 0..context.prepared.lights {
         let row = context.prepared.light_rows[light * LIGHT_ROWS + RADIANCE_ROW];
         if row[..3].iter().all(|&channel| channel <= 0.0) {

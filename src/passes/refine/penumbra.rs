@@ -58,6 +58,8 @@ impl PenumbraParams {
         };
         let (untraced, one, four) =
             if samples >= 1024 { (f32::MAX, f32::MAX, f32::MAX) } else { (UNTRACED, ONE, FOUR) };
+        // Fragments of level 1 go by their cells' answers.
+        let untraced = if context.settings.int("finest_level") > 0 { 0.0 } else { untraced };
         let knob = |name: &str, value: f32| std::env::var(name).ok().and_then(|v| v.parse().ok()).unwrap_or(value);
         Self {
             width: context.view.width,

@@ -3,10 +3,12 @@
 use bytemuck::{Pod, Zeroable};
 
 use super::list_params::TILE_CELLS;
+use super::one_pass;
 use super::zone::Cells;
 use crate::error::Result;
 use crate::gpu::Buffer;
 use crate::passes::{Context, GBuffer};
+use crate::plan;
 
 /// Lights whose states fit into a word.
 pub const LIGHTS: usize = 15;
@@ -42,6 +44,8 @@ pub struct Levels {
     /// Why it is no larger.
     pub reason_map: Buffer<u32>,
     lights: usize,
+    /// Geometry has split fragments already.
+    split: bool,
 }
 
 fn params(context: &Context<'_, '_>, levels: &Levels) -> UniformLevelsParams {
@@ -49,30 +53,30 @@ fn params(context: &Context<'_, '_>, levels: &Levels) -> UniformLevelsParams {
         width: context.view.width,
         height: context.view.height,
         slot: (levels.lights % LIGHTS) as u32,
-        coarsest: match context.settings.int("coarsest_level") {
-            0 => 5,
-            l => l,
-        },
+        coarsest: context.settings.int("coarsest_level"),
         own_pixels: 0,
-        again: (levels.lights > LIGHTS).into(),
+        again: (levels.split || levels.lights > LIGHTS).into(),
         last: 1,
         pad: 0,
     }
 }
 
 impl Levels {
-    /// Nothing known of any light.
+    /// Nothing known of any light; where geometry refines as well, the fragments that it asks for.
     ///
     /// # Errors
-    /// `Device`.
-    pub fn new(context: &mut Context<'_, '_>, tiles: usize) -> Result<Self> {
+    /// Those of the device; `Settings` for levels in the wrong order.
+    pub fn new(context: &mut Context<'_, '_>, gbuffer: &GBuffer, tiles: usize) -> Result<Self> {
         let pixels = context.view.pixels();
-        let levels = Self {
-            words: context.resources.buffer("cell_word", tiles * TILE_CELLS)?,
-            level_map: context.resources.buffer("level_map", pixels)?,
-            reason_map: context.resources.buffer("reason_map", pixels)?,
-            lights: 0,
+        let split = plan::splits_by_geometry(context.settings);
+        let [level_map, reason_map] = if split {
+            let fragments = one_pass::record(context, gbuffer)?;
+            [fragments.level_map, fragments.reason_map]
+        } else {
+            [context.resources.buffer("level_map", pixels)?, context.resources.buffer("reason_map", pixels)?]
         };
+        let words = context.resources.buffer("cell_word", tiles * TILE_CELLS)?;
+        let levels = Self { words, level_map, reason_map, lights: 0, split };
         context.recorder.clear(&levels.words)?;
         Ok(levels)
     }
