@@ -108,15 +108,15 @@ fn barycentric(a: vec3f, b: vec3f, c: vec3f, u: f32, v: f32) -> vec3f {
     return a + u * (b - a) + v * (c - a);
 }
 
-fn surface_albedo(at: Instance, corners: vec3u, u: f32, v: f32, uv: vec2f) -> vec3f {
+fn surface_albedo(at: Instance, flags: u32, corners: vec3u, u: f32, v: f32, uv: vec2f) -> vec3f {
     var albedo = at.albedo;
-    if (at.flags & COLORS) != 0u {
+    if (flags & COLORS) != 0u {
         albedo *= barycentric(
             geometry_vec3(at.colors, corners.x),
             geometry_vec3(at.colors, corners.y),
             geometry_vec3(at.colors, corners.z), u, v);
     }
-    if (at.flags & TEXTURE) != 0u {
+    if (flags & TEXTURE) != 0u {
         albedo *= texture_color(at, uv);
     }
     return albedo;
@@ -125,7 +125,14 @@ fn surface_albedo(at: Instance, corners: vec3u, u: f32, v: f32, uv: vec2f) -> ve
 // The surface at `hit`, seen along `direction`: the geometric normal is turned towards the viewer, and so is the
 // shading normal, each by its own sign, as Mitsuba's `twosided` does (N10).
 fn surface_at(hit: Hit, direction: vec3f) -> Surface {
+    return surface_with(hit, direction, SMOOTH | COLORS | TEXTURE);
+}
+
+// The same where no instance has other features than `features`: given as a constant, it leaves out the code and the
+// loads of the others, which a device without branches would execute for every hit.
+fn surface_with(hit: Hit, direction: vec3f, features: u32) -> Surface {
     let at = instances[hit.instance];
+    let flags = at.flags & features;
     let first = at.triangles + 3u * hit.triangle;
     let corners = vec3u(geometry[first], geometry[first + 1u], geometry[first + 2u]);
     let a = geometry_vec3(at.positions, corners.x);
@@ -144,7 +151,7 @@ fn surface_at(hit: Hit, direction: vec3f) -> Surface {
     s.normal_geo = select(-geometric, geometric, s.front);
 
     var shading = geometric;
-    if (at.flags & SMOOTH) != 0u {
+    if (flags & SMOOTH) != 0u {
         let n = barycentric(
             geometry_vec3(at.normals, corners.x),
             geometry_vec3(at.normals, corners.y),
@@ -157,11 +164,11 @@ fn surface_at(hit: Hit, direction: vec3f) -> Surface {
     s.normal_shade = select(-shading, shading, dot(shading, direction) <= 0.0);
     s.light = at.light;
     s.uv = vec2f(hit.u, hit.v);
-    if (at.flags & TEXTURE) != 0u {
+    if (flags & TEXTURE) != 0u {
         let ta = geometry_vec2(at.uvs, corners.x);
         s.uv = ta + hit.u * (geometry_vec2(at.uvs, corners.y) - ta) + hit.v * (geometry_vec2(at.uvs, corners.z) - ta);
     }
-    s.albedo = surface_albedo(at, corners, hit.u, hit.v, s.uv);
+    s.albedo = surface_albedo(at, flags, corners, hit.u, hit.v, s.uv);
     return s;
 }
 

@@ -8,5 +8,7 @@ fn pixel_in_tile_order(index: u32, width: u32) -> vec2u {
     let tiles_x = (width + TILE - 1u) / TILE;
     let tile = index / TILE_PIXELS;
     let within = index % TILE_PIXELS;
-    return vec2u(tile % tiles_x, tile / tiles_x) * TILE + vec2u(within % TILE, within / TILE);
+    // One division: the remainder would be another.
+    let row = tile / tiles_x;
+    return vec2u(tile - row * tiles_x, row) * TILE + vec2u(within % TILE, within / TILE);
 }

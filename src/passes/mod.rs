@@ -135,6 +135,14 @@ impl Context<'_, '_> {
     /// # Errors
     /// `Shader`.
     pub fn kernel(&self, stem: &str, entry: &str) -> Result<std::sync::Arc<Kernel>> {
-        self.recorder.gpu().kernel(&format!("passes/{stem}"), entry, &[])
+        self.kernel_with(stem, entry, &[])
+    }
+
+    /// The same with values of its override constants.
+    ///
+    /// # Errors
+    /// `Shader`.
+    pub fn kernel_with(&self, stem: &str, entry: &str, overrides: &[(&str, f64)]) -> Result<std::sync::Arc<Kernel>> {
+        self.recorder.gpu().kernel(&format!("passes/{stem}"), entry, overrides)
     }
 }

@@ -101,6 +101,12 @@ pub struct Prepared {
 }
 
 impl Prepared {
+    /// What shaders must be able to do for the instances: twins of `SMOOTH`, `COLORS`, `TEXTURE` in
+    /// `shaders/common/surface.wgsl`.
+    pub fn features(&self) -> u32 {
+        self.placed.iter().fold(0, |all, placed| all | placed.record.flags) & (SMOOTH | COLORS | TEXTURE)
+    }
+
     /// `snapshot` must have passed its check.
     pub fn new(snapshot: &Snapshot) -> Self {
         let anchor = snapshot.anchor();

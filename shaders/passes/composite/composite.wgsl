@@ -12,6 +12,9 @@ struct CompositeParams {
     pad1: u32,
 }
 
+// Whether some light has a picture: if not, nothing of one is loaded.
+override PICTURES: bool = true;
+
 @group(0) @binding(30) var<uniform> grid: Grid;
 @group(0) @binding(0) var<uniform> params: CompositeParams;
 @group(0) @binding(1) var<storage, read> g_normal: array<vec4u>;
@@ -25,7 +28,10 @@ struct CompositeParams {
 fn emitted(kind: u32, seen: vec3f) -> vec3f {
     let light = light_at(kind - FIRST_LIGHT);
     let lit = light.two_sided || seen.z > 0.5;
-    return select(vec3f(0.0), light_radiance_at(light, seen.xy), lit);
+    if PICTURES {
+        return select(vec3f(0.0), light_radiance_at(light, seen.xy), lit);
+    }
+    return select(vec3f(0.0), light.radiance, lit);
 }
 
 @compute @workgroup_size(64)

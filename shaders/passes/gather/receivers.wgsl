@@ -11,7 +11,7 @@ struct ReceiversParams {
     width: u32,
     height: u32,
     first: u32,
-    patterns: u32,
+    patterns: u32,      // a power of two
     seed: u32,
     pad0: u32,
     pad1: u32,
@@ -38,7 +38,7 @@ fn receiver(index: u32) -> Receiver {
     }
     let normal_geo = floats(g_geometric[at]);
     let origin = offset_origin(floats(g_position[at]), normal_geo, bitcast<f32>(g_position[at].w));
-    let pattern = pcg4d(vec4u(pixel, params.seed, 1u)).x % params.patterns;
+    let pattern = pcg4d(vec4u(pixel, params.seed, 1u)).x & (params.patterns - 1u);
     return Receiver(origin, pattern, normal_geo, 0u, floats(g_normal[at]), at);
 }
 
@@ -50,8 +50,9 @@ fn main(
 ) {
     let i = item_index(grid, group, groups, 64u, lane);
     if i < grid.end {
-        receivers[i] = receiver(params.first + i);
-        if receivers[i].pattern != INACTIVE {
+        let made = receiver(params.first + i);
+        receivers[i] = made;
+        if made.pattern != INACTIVE {
             atomicAdd(&active_here, 1u);
         }
     }

@@ -3,9 +3,12 @@
 import package::common::gbuffer::{FIRST_LIGHT, NOTHING, SURFACE, words};
 import package::common::grid::{Grid, item_index};
 import package::common::ray::{Hit, MISS};
-import package::common::surface::{NO_LIGHT, geometry, instances, surface_at, texels};
+import package::common::surface::{NO_LIGHT, geometry, instances, surface_with, texels};
 import package::common::tiles::pixel_in_tile_order;
 import package::common::view::{View, view_direction};
+
+// Of the instances: SMOOTH, COLORS, TEXTURE.
+override FEATURES: u32 = 7u;
 
 @group(0) @binding(30) var<uniform> grid: Grid;
 @group(0) @binding(0) var<uniform> view: View;
@@ -35,7 +38,7 @@ fn main(
         g_albedo[at] = vec4u(0u, 0u, 0u, MISS);
         return;
     }
-    let s = surface_at(hit, view_direction(view, pixel));
+    let s = surface_with(hit, view_direction(view, pixel), FEATURES);
     let seen_light = s.light != NO_LIGHT;
     let kind = select(SURFACE, FIRST_LIGHT + s.light, seen_light);
     // The unit quad of a light has its corners at (0,0), (1,0), (1,1), (0,1): see src/scene/prepare.rs.

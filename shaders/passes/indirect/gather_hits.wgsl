@@ -9,7 +9,10 @@ import package::common::light::lights;
 import package::common::light_choice::choose_light_point;
 import package::common::random::{pcg4d, random4};
 import package::common::ray::{Hit, MISS, Ray, inactive_ray};
-import package::common::surface::{NO_LIGHT, ORIGIN_ERROR, Surface, geometry, instances, offset_origin, surface_at, texels};
+import package::common::surface::{NO_LIGHT, ORIGIN_ERROR, Surface, geometry, instances, offset_origin, surface_with, texels};
+
+// Of the instances: SMOOTH, COLORS, TEXTURE.
+override FEATURES: u32 = 7u;
 
 @group(0) @binding(30) var<uniform> grid: Grid;
 @group(0) @binding(0) var<uniform> wave: GatherWave;
@@ -70,7 +73,7 @@ fn main(
     if ray.t_max <= ray.t_min || hit.instance == MISS || instances[hit.instance].light != NO_LIGHT {
         shadow_rays[i] = inactive_ray();
     } else {
-        let s = surface_at(hit, ray.direction);
+        let s = surface_with(hit, ray.direction, FEATURES);
         let origin = offset_origin(s.position, s.normal_geo, s.origin_error);
         path.pending = light_hit(s, origin, path, i);
         path.throughput *= s.albedo;

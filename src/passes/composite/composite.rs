@@ -41,7 +41,8 @@ pub fn record(
     direct: Option<&Buffer<[f32; 4]>>,
     indirect: Option<&Buffer<[f32; 4]>>,
 ) -> Result<Images> {
-    let kernel = context.kernel("composite/composite", "main")?;
+    let pictures = f64::from(u8::from(!context.prepared.light_textures.is_empty()));
+    let kernel = context.kernel_with("composite/composite", "main", &[("PICTURES", pictures)])?;
     let pixels = context.view.pixels();
     let nothing: Buffer<[f32; 4]> = context.resources.buffer("nothing", 1)?;
     let images = Images {

@@ -18,7 +18,7 @@ pub struct ReceiversParams {
     pub height: u32,
     /// First pixel, in tile order.
     pub first: u32,
-    /// Sets of sample points.
+    /// Sets of sample points, a power of two.
     pub patterns: u32,
     /// The user's seed.
     pub seed: u32,

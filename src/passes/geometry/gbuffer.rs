@@ -32,7 +32,8 @@ pub fn record(
     count: usize,
 ) -> Result<()> {
     let view = View { first: first as u32, ..context.view };
-    let kernel = context.kernel("geometry/gbuffer", "main")?;
+    let features = context.prepared.features();
+    let kernel = context.kernel_with("geometry/gbuffer", "main", &[("FEATURES", features.into())])?;
     let scene = context.scene;
     context
         .recorder

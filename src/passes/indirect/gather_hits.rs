@@ -9,7 +9,8 @@ use crate::passes::Context;
 /// # Errors
 /// Those of the device.
 pub(super) fn record(context: &mut Context<'_, '_>, wave: &GatherWave, lists: &Lists) -> Result<()> {
-    let kernel = context.kernel("indirect/gather_hits", "main")?;
+    let features = context.prepared.features();
+    let kernel = context.kernel_with("indirect/gather_hits", "main", &[("FEATURES", features.into())])?;
     let scene = context.scene;
     context
         .recorder

@@ -159,7 +159,8 @@ def sort(runner: Runner, scene: Scene) -> tuple[NDArray[np.uint32], NDArray[np.u
     tiles = len(scene.flags)
     out = runner(
         "passes/gather/irradiance", 1, entry="sort", groups=True, params=params(scene),
-        tile_flags=scene.flags, tile_lists=np.zeros(4 * (tiles + MOST_ROWS), np.uint32), arguments=np.zeros(32, np.uint32),
+        tile_flags=scene.flags, tile_lists=np.zeros(4 * (tiles + MOST_ROWS), np.uint32),
+        arguments=np.zeros(32, np.uint32),
     )  # fmt: skip
     return read(out, "tile_lists", np.uint32, 4, tiles + MOST_ROWS), read(out, "arguments", np.uint32, 8, 4)
 
