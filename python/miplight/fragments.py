@@ -9,6 +9,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+from .errors import SettingsError
+from .validate import as_choice
+
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
@@ -85,33 +88,37 @@ class Fragments:
         """Number of fragments of all levels together."""
         return sum(self.counts)
 
-    def plot(self, ax: Axes | None = None) -> Axes:
-        """Draw the level map with one colour a level.
+    def plot(self, ax: Axes | None = None, by: str = "level") -> Axes:
+        """Draw the level map with one colour a level, or the reasons with one colour a reason.
+
+        What is culled is hatched: it belongs to no fragment.
 
         Parameters
         ----------
         ax
             Where to draw; a new figure by default.
+        by
+            ``"level"``, or ``"reason"``: why each fragment is as small as it is, or why it was culled.
 
         Returns
         -------
         matplotlib.axes.Axes
+
+        Raises
+        ------
+        SettingsError
+            If `by` is neither.
         """
         from matplotlib import pyplot as plt
-        from matplotlib.patches import Patch
 
-        from .notebook import LEVEL_NAMES, level_colors
-
+        as_choice(by, "by", ("level", "reason"), SettingsError)
         if ax is None:
-            ax = plt.figure().add_subplot()
-        ax.imshow(level_colors(self.level_map), interpolation="nearest")
-        ax.set_axis_off()
-        ax.set_title(f"{self.total:,} fragments")
-        levels = np.unique(self.level_map)
-        colors = level_colors(levels[None])[0] / 255.0
-        labels = [LEVEL_NAMES.get(int(level), f"level {level}") for level in levels]
-        handles = [Patch(color=color, label=label) for color, label in zip(colors, labels, strict=True)]
-        ax.legend(handles=handles, loc="center left", bbox_to_anchor=(1.0, 0.5), frameon=False)
+            ax = plt.figure(layout="constrained").add_subplot()
+        culled = self.level_map == CULLED
+        values = self.level_map if by == "level" else self.reason_map
+        _draw(ax, values, culled, by)
+        count = f"{self.total:,} fragments for {np.count_nonzero(self.level_map < CULLED):,} pixels"
+        ax.set_title(f"{count}, {np.count_nonzero(culled):,} culled" if culled.any() else count)
         return ax
 
     def __eq__(self, other: object) -> bool:
@@ -136,9 +143,37 @@ class Fragments:
         return png_bytes(level_colors(self.level_map))
 
 
+def _draw(ax: Axes, values: NDArray[np.uint8], culled: NDArray[np.bool_], by: str) -> None:
+    """Draw a map of levels or reasons, what is culled hatched, and say beside it what the colours mean."""
+    from matplotlib.patches import Patch
+
+    from .notebook import LEVEL_NAMES, level_colors, reason_colors
+
+    def label(value: int) -> str:
+        if by == "level":
+            return LEVEL_NAMES.get(value, f"level {value}")
+        return "nothing seen" if value == NOTHING else Reason(value).name.lower().replace("_", "-")
+
+    colors = level_colors if by == "level" else reason_colors
+    ax.imshow(colors(values), interpolation="nearest")
+    height, width = values.shape
+    if culled.any():
+        # a frame of zeros around it: a contour needs two rows, and one that ends at the edge
+        framed = np.pad(culled, 1).astype(np.float64)
+        places = np.arange(-1, width + 1), np.arange(-1, height + 1)
+        ax.contourf(*places, framed, levels=[0.5, 1.5], colors="none", hatches=["////"])
+    ax.set(xlim=(-0.5, width - 0.5), ylim=(height - 0.5, -0.5))
+    ax.set_axis_off()
+    handles = []
+    for value in np.unique(values):
+        hatched = bool(culled[values == value].any())
+        color = colors(np.array([[value]], np.uint8))[0, 0] / 255.0
+        handles.append(Patch(facecolor=color, label=label(int(value)), hatch="////" if hatched else None))
+    ax.legend(handles=handles, loc="center left", bbox_to_anchor=(1.0, 0.5), frameon=False)
+
+
 def _any_of_block(pixels: NDArray[np.bool_], size: int) -> NDArray[np.bool_]:
     # the last row and column of blocks may hang over the image
-    height, width = pixels.shape
-    padded = np.pad(pixels, ((0, -height % size), (0, -width % size)))
-    blocks = padded.reshape(padded.shape[0] // size, size, padded.shape[1] // size, size)
-    return np.asarray(blocks.any(axis=(1, 3)))
+    rows, columns = (range(0, length, size) for length in pixels.shape)
+    along = np.logical_or.reduceat(pixels, list(rows), axis=0)
+    return np.asarray(np.logical_or.reduceat(along, list(columns), axis=1), np.bool_)

@@ -13,9 +13,22 @@ from numpy.typing import ArrayLike, NDArray
 
 from .color import linear_to_srgb
 from .errors import SettingsError
-from .fragments import CULLED, NOTHING
+from .fragments import CULLED, NOTHING, Reason
 from .validate import as_number
 
+_REASON_COLORS = {
+    Reason.COARSEST: "#264b73",
+    Reason.DEPTH: "#f2a93b",
+    Reason.NORMAL: "#58a55c",
+    Reason.ILLUMINATION: "#f6e27a",
+    Reason.VISIBILITY: "#d6453d",
+    Reason.LOBE: "#8e6bbf",
+    Reason.EMITTER: "#ffffff",
+    Reason.FACING_AWAY: "#b0b0b0",
+    Reason.BEHIND_LIGHT: "#808080",
+    Reason.OUTSIDE_LOBE: "#cdbfa8",
+    Reason.NOTHING: "#000000",
+}
 LEVEL_NAMES = {CULLED: "culled", NOTHING: "nothing seen"}
 
 
@@ -72,6 +85,8 @@ def checked_exposure(exposure: float | None) -> float | None:
 def level_colors(level_map: NDArray[np.uint8]) -> NDArray[np.uint8]:
     """Colours of a level map: fine levels light, coarse levels dark, culled grey, nothing black.
 
+    Level 8 and coarser ones, which are rare, are red.
+
     Parameters
     ----------
     level_map
@@ -86,9 +101,30 @@ def level_colors(level_map: NDArray[np.uint8]) -> NDArray[np.uint8]:
     table = np.zeros((256, 3), np.uint8)
     steps = colormaps["viridis"](np.linspace(1.0, 0.0, 8))[:, :3]
     table[:8] = np.round(steps * 255)
-    table[8:CULLED] = table[7]
+    table[8:17] = np.round(colormaps["Reds"](np.linspace(0.4, 1.0, 9))[:, :3] * 255)
+    table[17:CULLED] = table[16]
     table[CULLED] = 128
     return table[level_map]
+
+
+def reason_colors(reason_map: NDArray[np.uint8]) -> NDArray[np.uint8]:
+    """Colours of a reason map: one for each reason to refine, greys for what is culled, black for nothing.
+
+    Parameters
+    ----------
+    reason_map
+        (H, W) uint8 of `Reason`.
+
+    Returns
+    -------
+    (H, W, 3) uint8
+    """
+    from matplotlib.colors import to_rgb
+
+    table = np.zeros((256, 3), np.uint8)
+    for reason, color in _REASON_COLORS.items():
+        table[reason] = np.round(np.array(to_rgb(color)) * 255)
+    return table[reason_map]
 
 
 def png_bytes(pixels: NDArray[np.uint8]) -> bytes:

@@ -5,6 +5,11 @@ import package::common::tiles::{TILE, TILE_PIXELS};
 const TILE_CELLS: u32 = 16u;
 const CELLS_ACROSS: u32 = 4u;
 
+// Places lie on one surface while they are less than this out of each other's tangent plane, as a share of their distance,
+// and their normals turned by no more than this cosine.
+const FLAT: f32 = 0.2;
+const LEAST_COSINE: f32 = 0.8;
+
 // cell_state.
 const STATE_NONE: u32 = 0u;     // no pixel that faces the light
 const STATE_LIT: u32 = 1u;

@@ -3,7 +3,7 @@
 // pattern alike: 1 2 2 2 1 over pixels that ask one of 16, 1 2 1 over those that ask four of them.
 // In     the G-buffer, listed_cells, cell_state, cell_plan, share. Out: smooth_share at the listed cells' pixels
 
-import package::common::cells::{PLAN_RADIUS_SHIFT, STATE_DARK, STATE_LIT, STATE_NONE, STATE_ZONE, cell_corner, cell_in_image, cell_place};
+import package::common::cells::{FLAT, LEAST_COSINE, PLAN_RADIUS_SHIFT, STATE_DARK, STATE_LIT, STATE_NONE, STATE_ZONE, cell_corner, cell_in_image, cell_place};
 import package::common::gbuffer::floats;
 import package::common::grid::{Grid, item_index};
 import package::common::list_params::ListParams;
@@ -18,10 +18,6 @@ import package::common::ray::MISS;
 @group(0) @binding(5) var<storage, read> cell_plan: array<u32>;
 @group(0) @binding(6) var<storage, read> share: array<vec4f>;
 @group(0) @binding(7) var<storage, read_write> smooth_share: array<vec4f>;
-
-// A neighbour counts while it is less than this out of the pixel's tangent plane, as a share of its distance.
-const FLAT: f32 = 0.2;
-const LEAST_COSINE: f32 = 0.8;
 
 struct Place {
     position: vec3f,

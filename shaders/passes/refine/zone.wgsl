@@ -4,7 +4,7 @@
 // In     tile_flags, cell_bits. Out: cell_state (image order), cell_agreed (low half: blocks agreed on, high half: to
 //        what), cell_plan (PLAN_ZONE where the cell lies in the zone)
 
-import package::common::cells::{PLAN_ZONE, STATE_DARK, STATE_LIT, STATE_NONE, STATE_ZONE, TILE_CELLS, cell_in_image, cell_index, cell_place};
+import package::common::cells::{FLAT, LEAST_COSINE, PLAN_ZONE, STATE_DARK, STATE_LIT, STATE_NONE, STATE_ZONE, TILE_CELLS, cell_in_image, cell_index, cell_place};
 import package::common::grid::{Grid, item_index};
 import package::common::light_frame::{DARK, FACING, LIT};
 import package::common::list_params::ListParams;
@@ -19,6 +19,7 @@ import package::common::tiles::TILE;
 @group(0) @binding(4) var<storage, read_write> cell_agreed: array<u32>;
 @group(0) @binding(5) var<storage, read_write> cell_plan: array<u32>;
 @group(0) @binding(6) var<storage, read_write> share: array<vec4f>;
+@group(0) @binding(7) var<storage, read> cell_surface: array<vec4f>;
 
 const ALL: u32 = 0xffffu;
 
@@ -29,21 +30,39 @@ fn bits_of(index: u32) -> u32 {
     return select(0u, proven, (flags & FACING) != 0u);
 }
 
+// Cells on the same surface, of nine, whose agreement counts.
+const ENOUGH: u32 = 6u;
+
 struct Votes {
     seen: u32,      // blocks that some cell sees
     hidden: u32,    // blocks that some cell does not see
+    alike: u32,     // cells on the same surface
 }
 
-fn neighbours(place: vec2u) -> Votes {
+// Whether two cells of open tiles lie on one surface; what is proven needs none.
+fn same_surface(a: u32, b: u32) -> bool {
+    let here = cell_surface[2u * a];
+    let there = cell_surface[2u * b];
+    let normal = cell_surface[2u * a + 1u].xyz;
+    let to = there.xyz - here.xyz;
+    let height = dot(to, normal);
+    let flat = height * height <= FLAT * FLAT * dot(to, to);
+    return here.w * there.w > 0.0 && flat && dot(normal, cell_surface[2u * b + 1u].xyz) >= LEAST_COSINE;
+}
+
+fn neighbours(place: vec2u, own: u32) -> Votes {
     let cells = (vec2u(params.width, params.height) + 1u) / 2u;
     let lo = vec2u(max(vec2i(place) - 1, vec2i(0)));
     let hi = min(place + 1u, cells - 1u);
-    var votes = Votes(0u, 0u);
+    var votes = Votes(0u, 0u, 0u);
     for (var y = lo.y; y <= hi.y; y++) {
         for (var x = lo.x; x <= hi.x; x++) {
-            let bits = bits_of(cell_index(vec2u(x, y), params.width));
+            let index = cell_index(vec2u(x, y), params.width);
+            let bits = bits_of(index);
             votes.seen |= bits & ALL;
             votes.hidden |= (bits >> 16u) & ~bits & ALL;
+            let proven = (tile_flags[index / TILE_CELLS] & (LIT | DARK)) != 0u;
+            votes.alike += select(0u, 1u, proven || same_surface(own, index));
         }
     }
     return votes;
@@ -76,7 +95,7 @@ fn main(
     let flags = tile_flags[i / TILE_CELLS];
     let proven = (flags & (LIT | DARK)) != 0u;
     let own = bits_of(i);
-    let votes = neighbours(min(place, cells - 1u));
+    let votes = neighbours(min(place, cells - 1u), i);
     let agreed = (votes.seen ^ votes.hidden) & ALL;
     let all_agree = agreed == ALL && (votes.seen == 0u || votes.hidden == 0u);
     var state = select(STATE_ZONE, select(STATE_DARK, STATE_LIT, votes.hidden == 0u), all_agree);
@@ -85,7 +104,7 @@ fn main(
     if all(place < cells) {
         cell_state[cell_in_image(place, params.width)] = state;
     }
-    let sure = ALL & ~with_beside(ALL & ~agreed);
+    let sure = select(0u, ALL & ~with_beside(ALL & ~agreed), votes.alike >= ENOUGH);
     cell_agreed[i] = sure | ((votes.seen & sure) << 16u);
     cell_plan[i] = select(0u, PLAN_ZONE, state == STATE_ZONE && all(place < cells));
 }

@@ -18,9 +18,10 @@ use crate::scene::prepare::{LIGHT_ROWS, RADIANCE_ROW};
 
 /// Receivers of a piece: a few megabytes, and work enough for a GPU.
 const RECEIVERS: usize = 1 << 17;
-/// Bits of `cell_plan`; twins of those in `shaders/common/cells.wgsl`.
-const PLAN_ZONE: u32 = 1;
-const PLAN_TRACED: u32 = 2;
+/// Bit of `cell_plan`: the cell lies in the zone. Twins of the bits in `shaders/common/cells.wgsl`.
+pub const PLAN_ZONE: u32 = 1;
+/// Bit of `cell_plan`: each of its pixels asks for itself.
+pub const PLAN_TRACED: u32 = 2;
 
 /// A list on the device, and its length on the host.
 struct List {
@@ -210,7 +211,7 @@ impl<'g> Light<'g> {
             TILE_PIXELS as usize,
             "cell_shadow",
             |context, piece| cell_rays::record(context, &self.frame, piece),
-            |context, piece| cells::record(context, piece, &self.cells.bits),
+            |context, piece| cells::record(context, piece, &self.cells),
         )?;
         Ok(open.count)
     }

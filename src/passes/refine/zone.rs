@@ -14,6 +14,8 @@ pub struct Cells {
     pub count: usize,
     /// Which blocks of strata a cell asked and sees; tile order.
     pub bits: Buffer<u32>,
+    /// Where it lies: position and whether its pixels share a surface, then normal; tile order.
+    pub surface: Buffer<[f32; 4]>,
     /// None, lit, dark, zone; image order.
     pub state: Buffer<u32>,
     /// Blocks on which the neighbourhood agrees, and to what; tile order.
@@ -35,6 +37,7 @@ impl Cells {
         Ok(Self {
             count,
             bits: context.resources.buffer("cell_bits", count)?,
+            surface: context.resources.buffer("cell_surface", 2 * count)?,
             state: context.resources.buffer("cell_state", width as usize * height as usize)?,
             agreed: context.resources.buffer("cell_agreed", count)?,
             plan: context.resources.buffer("cell_plan", count)?,
@@ -59,6 +62,7 @@ pub fn record(context: &mut Context<'_, '_>, light: &LightSamples, tiles: &Tiles
         .bind("cell_bits", &cells.bits)
         .bind("cell_state", &cells.state);
     if light.is_area() {
+        let pass = pass.bind("cell_surface", &cells.surface);
         pass.bind("cell_agreed", &cells.agreed).bind("cell_plan", &cells.plan).dispatch(cells.count)
     } else {
         pass.bind("share", &cells.share).dispatch(cells.count)
