@@ -15,6 +15,7 @@ NONE, LIT, DARK, ZONE = range(4)
 PLAN_ZONE, PLAN_TRACED, PLAN_SUBS, PLAN_RADIUS = 1, 2, 1 << 2, 1 << 8
 """Bits of a plan; what its numbers are multiplied by."""
 
+Array = NDArray[np.float64]
 Bits = NDArray[np.bool_]
 Words = NDArray[np.uint32]
 
@@ -102,12 +103,50 @@ class Votes:
     answer: Bits
 
 
-def zone(seen: Bits, asked: Bits, facing: Bits, proven: NDArray[np.int64], across: int) -> Votes:
+FLAT, LEAST_COSINE = 0.2, 0.8
+"""Limits of one surface."""
+
+
+def on_one_surface(normal: Array, to: Array, other: Array) -> tuple[Bits, Bits]:
+    """Whether places at `to` with normal `other` belong to a surface, and whether that is beyond doubt.
+
+    They do within FLAT of its tangent plane, as a share of their distance, turned by LEAST_COSINE at most.
+    """
+    height, distance = (normal * to).sum(axis=-1), np.linalg.norm(to, axis=-1)
+    out, cosine = np.abs(height) - FLAT * distance, (normal * other).sum(axis=-1)
+    sure = ((np.abs(out) > 1e-4 * distance) | (distance == 0)) & (np.abs(cosine - LEAST_COSINE) > 1e-5)
+    return (out <= 0) & (cosine >= LEAST_COSINE), sure
+
+
+@dataclasses.dataclass
+class Surfaces:
+    """Mean place and normal of cells, and whether their pixels lie on one surface; any order."""
+
+    position: Array
+    normal: Array
+    one: Bits
+
+    def rows(self) -> NDArray[np.float32]:
+        """Two rows a cell."""
+        first = np.concatenate([self.position, self.one[..., None]], axis=-1)
+        second = np.concatenate([self.normal, np.zeros((*self.one.shape, 1))], axis=-1)
+        return np.stack([first, second], axis=-2).astype(np.float32)
+
+    def alike(self, counted: Bits, proven: Bits) -> NDArray[np.int64]:
+        """How many of the nine cells around each, in image order, lie on its surface or need not to."""
+        p, n = (np.moveaxis(around(a), -1, 2) for a in (self.position, self.normal))
+        same, _ = on_one_surface(self.normal[:, :, None], p - self.position[:, :, None], n)
+        open_ones = around(counted & self.one) & self.one[..., None]
+        return (around(proven) | (same & open_ones)).sum(axis=-1)
+
+
+def zone(seen: Bits, asked: Bits, facing: Bits, proven: NDArray[np.int64], alike: Bits, across: int) -> Votes:
     """What follows from what cells (r, c, 16) see of the blocks they asked.
 
-    `facing`: the tile faces the light; `proven`: LIT, DARK or NONE of the tile, (r, c) each. A block is agreed
-    on when someone among a cell and its eight neighbours asked it and all that did say the same; and sure, when
-    the blocks beside it on the light, in a grid of `across` columns, are agreed on as well.
+    `facing`: the tile faces the light; `proven`: LIT, DARK or NONE of the tile; `alike`: enough of the cells
+    around lie on the same surface, (r, c) each. A block is agreed on when someone among a cell and its eight
+    neighbours asked it and all that did say the same; and sure, when the cells are alike and the blocks
+    beside it on the light, in a grid of `across` columns, are agreed on as well.
     """
     asked = (asked | (proven != NONE)[..., None]) & facing[..., None]
     seen = np.where((proven != NONE)[..., None], (proven == LIT)[..., None], seen) & asked
@@ -122,5 +161,5 @@ def zone(seen: Bits, asked: Bits, facing: Bits, proven: NDArray[np.int64], acros
     padded = np.pad(light, [(0, 0), (0, 0), (1, 1), (1, 1)], constant_values=True)
     cross = [(1, 1), (0, 1), (2, 1), (1, 0), (1, 2)]
     shifted = [padded[..., dv : dv + light.shape[2], du : du + across] for dv, du in cross]
-    sure = np.all(shifted, axis=0).reshape(agreed.shape)
+    sure = np.all(shifted, axis=0).reshape(agreed.shape) & alike[..., None]
     return Votes(state, sure, some & sure)

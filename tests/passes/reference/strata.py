@@ -43,7 +43,7 @@ def quarter(stratum: Any) -> Whole:
 
 
 def asker(block: Any) -> Whole:
-    """The pixel of a cell, 0 to 3, that asks a block: 0 1 2 3 in the first row, 1 0 3 2 in the next, and so on."""
+    """The pixel of a cell, 0 to 3, that asks a block: 0 1 2 3 in the first row, 1 0 3 2 next."""
     block = np.asarray(block)
     return (block % 4) ^ (block // 4)
 
