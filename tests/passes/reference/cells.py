@@ -96,11 +96,13 @@ def around(image: NDArray[Any], reach: int = 1) -> NDArray[Any]:
 
 @dataclasses.dataclass
 class Votes:
-    """What cells know of a light, in image order: state (r, c), agreed and its answer (r, c, 16)."""
+    """What cells know of a light, in image order: state (r, c), and of the blocks (r, c, 16)."""
 
     state: NDArray[np.int64]
     sure: Bits
+    """Agreed on, as those beside it on the light are."""
     answer: Bits
+    """To what; of the blocks that are not sure: agreed on all the same."""
 
 
 FLAT, LEAST_COSINE = 0.2, 0.8
@@ -145,8 +147,8 @@ def zone(seen: Bits, asked: Bits, facing: Bits, proven: NDArray[np.int64], alike
 
     `facing`: the tile faces the light; `proven`: LIT, DARK or NONE of the tile; `alike`: enough of the cells
     around lie on the same surface, (r, c) each. A block is agreed on when someone among a cell and its eight
-    neighbours asked it and all that did say the same; and sure, when the cells are alike and the blocks
-    beside it on the light, in a grid of `across` columns, are agreed on as well.
+    neighbours asked it and all that did say the same, if they are alike; and sure, when the blocks beside it
+    on the light, in a grid of `across` columns, are agreed on as well.
     """
     asked = (asked | (proven != NONE)[..., None]) & facing[..., None]
     seen = np.where((proven != NONE)[..., None], (proven == LIT)[..., None], seen) & asked
@@ -157,9 +159,10 @@ def zone(seen: Bits, asked: Bits, facing: Bits, proven: NDArray[np.int64], alike
     state[agreed.all(axis=-1) & missing.all(axis=-1)] = DARK
     state = np.where(proven != NONE, proven, state)
     state[~asked.any(axis=-1)] = NONE
-    light = agreed.reshape(*agreed.shape[:2], BLOCKS // across, across)
+    voted = agreed & alike[..., None]
+    light = voted.reshape(*agreed.shape[:2], BLOCKS // across, across)
     padded = np.pad(light, [(0, 0), (0, 0), (1, 1), (1, 1)], constant_values=True)
     cross = [(1, 1), (0, 1), (2, 1), (1, 0), (1, 2)]
     shifted = [padded[..., dv : dv + light.shape[2], du : du + across] for dv, du in cross]
-    sure = np.all(shifted, axis=0).reshape(agreed.shape) & alike[..., None]
-    return Votes(state, sure, some & sure)
+    sure = np.all(shifted, axis=0).reshape(agreed.shape)
+    return Votes(state, sure, np.where(sure, some, voted))

@@ -36,6 +36,21 @@ def of_block(subs: int, pixel: Whole, block: int) -> NDArray[np.bool_]:
     return same
 
 
+def by_plan(
+    pixels: Whole, subs: Whole, sure: NDArray[np.bool_], once: NDArray[np.bool_]
+) -> NDArray[np.bool_]:
+    """What pixels (n, 2) ask by the plans of their cells, (n, 16, 16).
+
+    Nothing of the blocks that are sure; one stratum of the others where that is enough, else `subs` of them.
+    """
+    asked = np.zeros((len(pixels), BLOCKS, 16), bool)
+    numbers = np.where(once, 1, subs[:, None])
+    for number in np.unique(numbers):
+        here = np.stack([of_block(number, pixels, block) for block in range(BLOCKS)], axis=1)
+        asked |= here & (numbers == number)[..., None]
+    return asked & ~sure[..., None]
+
+
 def quarter(stratum: Any) -> Whole:
     """Quarter of its block that a stratum lies in: 0 or 1 along u, plus 2 along v."""
     stratum = np.asarray(stratum)

@@ -112,7 +112,7 @@ LIGHT_FRAME = np.dtype(
 )
 TILE_BOUNDS = np.dtype([("lo", "<f4", 3), ("facing", "<u4"), ("hi", "<f4", 3), ("pad", "<u4")])
 LIGHT_BOUNDS = np.dtype(_fields("width", "height", "light", "unshadowed"))
-LIST = np.dtype(_fields("width", "height", "light", "patterns", "seed", "first", "blocks_u", "pad"))
+LIST = np.dtype(_fields("width", "height", "light", "patterns", "seed", "first", "blocks_u", "reuse"))
 PENUMBRA = np.dtype(
     [
         *_fields("width", "height", "first", "most_subs"),
@@ -121,7 +121,7 @@ PENUMBRA = np.dtype(
     ]
 )
 UNIFORM_LEVELS = np.dtype(
-    _fields("width", "height", "slot", "coarsest", "own_pixels", "again", "pad0", "pad1")
+    _fields("width", "height", "slot", "coarsest", "own_pixels", "again", "last", "pad")
 )
 DOWNSAMPLE = np.dtype(_fields("width", "height", "factor", "pad"))
 

@@ -72,7 +72,7 @@ def _plans(
 def test_widths_agree_with_the_reference(
     runner: Runner, rng: np.random.Generator, size: tuple[int, int]
 ) -> None:
-    """Light's size times the ratio of the distances, over a pixel's size; the pixel's cosine is 0.05 or more."""
+    """Light's size times the ratio of the distances, over a pixel's size; its cosine is 0.05 or more."""
     layout = Layout(*size)
     view = random_view(rng, *size)
     zone = _zone(rng, layout, 0.4)
