@@ -27,7 +27,7 @@ Array = NDArray[np.float64]
 
 @dataclasses.dataclass
 class Case:
-    """What is seen, the filter's radius at every cell in the order of the tiles, and which cells are listed."""
+    """What is seen, the filter's radius at every cell in the order of the tiles, and the listed cells."""
 
     layout: Layout
     picture: Picture
@@ -55,7 +55,7 @@ def _plane(rng: np.random.Generator, layout: Layout, shares_there: Array, error:
 
 
 def _random(rng: np.random.Generator, size: tuple[int, int]) -> Case:
-    """Patches raised or turned, holes, cells of every state, errors of every size, most of the zone listed."""
+    """Patches raised or turned, holes, cells of every state, errors of all sizes, most of the zone listed."""
     layout = Layout(*size)
     w, h = size
     case = _plane(rng, layout, rng.uniform(size=(h, w, 3)))
