@@ -91,7 +91,7 @@ def _words(runner: Runner, case: Case, lights: list[Light]) -> NDArray[np.uint32
 
 
 def _run(runner: Runner, case: Case, first_bits: Whole | None = None) -> tuple[Whole, Whole]:
-    """Levels and reasons, after batches of lights; `first_bits`: what was known of the pixels before the last."""
+    """Levels and reasons, after batches of lights; `first_bits`: what is known of pixels before the last."""
     layout = case.layout
     pixels = layout.width * layout.height
     tiles = layout.tiles[0] * layout.tiles[1]
