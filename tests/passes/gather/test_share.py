@@ -36,6 +36,7 @@ class Case:
     answer: Bits
     """Of blocks that are not sure: one answer is enough."""
     subs: NDArray[np.int64]
+    brightness: NDArray[np.int64] | int = 1
 
     @property
     def pixels(self) -> NDArray[np.int64]:
@@ -53,6 +54,7 @@ class Case:
                 light=1,
                 first=first,
                 blocks_u=self.across,
+                boosts=strata.boosts(self.brightness),
             ),
             "listed_cells": self.cells.astype(np.uint32),
             "cell_agreed": ref.pack(self.sure, self.answer),
@@ -122,7 +124,7 @@ def _cells(runner: Runner, case: Case, seen: Bits, asked: Bits, first: int = 0) 
 def _questions(case: Case) -> Bits:
     """What the listed pixels ask, (n, 16, 16)."""
     mine = np.repeat(case.cells, 4)
-    return strata.by_plan(case.pixels, case.subs[mine], case.sure[mine], case.answer[mine])
+    return strata.by_plan(case.pixels, case.subs[mine], case.sure[mine], case.answer[mine], case.brightness)
 
 
 def _compare(found: NDArray[np.float32], expected: shares.Share, least: float = 0.4) -> None:
@@ -143,6 +145,7 @@ def test_shares_of_pixels_agree_with_the_reference(
     runner: Runner, rng: np.random.Generator, size: tuple[int, int], across: int, kind: str
 ) -> None:
     case = _case(rng, size, _light(rng, kind), across)
+    case.brightness = rng.integers(0, 3, 16)
     at = case.layout.number(case.pixels)
     live = (at >= 0) & (case.g.kind[at] == SURFACE)
     asked = _questions(case)

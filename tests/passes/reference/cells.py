@@ -12,7 +12,7 @@ from .image import TILE
 from .strata import BLOCKS
 
 NONE, LIT, DARK, ZONE = range(4)
-PLAN_ZONE, PLAN_TRACED, PLAN_SUBS, PLAN_RADIUS = 1, 2, 1 << 2, 1 << 8
+PLAN_ZONE, PLAN_TRACED, PLAN_SUBS, PLAN_CALM, PLAN_RADIUS = 1, 2, 1 << 2, 1 << 7, 1 << 8
 """Bits of a plan; what its numbers are multiplied by."""
 
 Array = NDArray[np.float64]
@@ -103,10 +103,14 @@ class Votes:
     """Agreed on, as those beside it on the light are."""
     answer: Bits
     """To what; of the blocks that are not sure: agreed on all the same."""
+    calm: Bits
+    """All around lie on one surface and two blocks at most are in doubt, (r, c)."""
 
 
 FLAT, LEAST_COSINE = 0.2, 0.8
 """Limits of one surface."""
+ENOUGH = 6
+"""Cells on one surface, of nine, whose agreement counts."""
 
 
 def on_one_surface(normal: Array, to: Array, other: Array) -> tuple[Bits, Bits]:
@@ -142,13 +146,15 @@ class Surfaces:
         return (around(proven) | (same & open_ones)).sum(axis=-1)
 
 
-def zone(seen: Bits, asked: Bits, facing: Bits, proven: NDArray[np.int64], alike: Bits, across: int) -> Votes:
+def zone(
+    seen: Bits, asked: Bits, facing: Bits, proven: NDArray[np.int64], alike: NDArray[np.int64], across: int
+) -> Votes:
     """What follows from what cells (r, c, 16) see of the blocks they asked.
 
-    `facing`: the tile faces the light; `proven`: LIT, DARK or NONE of the tile; `alike`: enough of the cells
-    around lie on the same surface, (r, c) each. A block is agreed on when someone among a cell and its eight
-    neighbours asked it and all that did say the same, if they are alike; and sure, when the blocks beside it
-    on the light, in a grid of `across` columns, are agreed on as well.
+    `facing`: the tile faces the light; `proven`: LIT, DARK or NONE of the tile; `alike`: how many of nine cells
+    lie on the same surface, (r, c) each. A block is agreed on when someone among a cell and its eight
+    neighbours asked it and all that did say the same, if ENOUGH of them are alike; and sure, when the blocks
+    beside it on the light, in a grid of `across` columns, are agreed on as well.
     """
     asked = (asked | (proven != NONE)[..., None]) & facing[..., None]
     seen = np.where((proven != NONE)[..., None], (proven == LIT)[..., None], seen) & asked
@@ -159,10 +165,11 @@ def zone(seen: Bits, asked: Bits, facing: Bits, proven: NDArray[np.int64], alike
     state[agreed.all(axis=-1) & missing.all(axis=-1)] = DARK
     state = np.where(proven != NONE, proven, state)
     state[~asked.any(axis=-1)] = NONE
-    voted = agreed & alike[..., None]
+    voted = agreed & (alike >= ENOUGH)[..., None]
     light = voted.reshape(*agreed.shape[:2], BLOCKS // across, across)
     padded = np.pad(light, [(0, 0), (0, 0), (1, 1), (1, 1)], constant_values=True)
     cross = [(1, 1), (0, 1), (2, 1), (1, 0), (1, 2)]
     shifted = [padded[..., dv : dv + light.shape[2], du : du + across] for dv, du in cross]
     sure = np.all(shifted, axis=0).reshape(agreed.shape)
-    return Votes(state, sure, np.where(sure, some, voted))
+    calm = (alike == 9) & ((~agreed).sum(axis=-1) <= 2)
+    return Votes(state, sure, np.where(sure, some, voted), calm)

@@ -36,15 +36,22 @@ def of_block(subs: int, pixel: Whole, block: int) -> NDArray[np.bool_]:
     return same
 
 
+def boosts(brightness: Any) -> int:
+    """The word that says how bright each of the blocks is: 0 dim, 1 as most, 2 bright."""
+    return int((np.broadcast_to(brightness, BLOCKS).astype(np.int64) << 2 * np.arange(BLOCKS)).sum())
+
+
 def by_plan(
-    pixels: Whole, subs: Whole, sure: NDArray[np.bool_], once: NDArray[np.bool_]
+    pixels: Whole, subs: Whole, sure: NDArray[np.bool_], once: NDArray[np.bool_], brightness: Any = 1
 ) -> NDArray[np.bool_]:
     """What pixels (n, 2) ask by the plans of their cells, (n, 16, 16).
 
-    Nothing of the blocks that are sure; one stratum of the others where that is enough, else `subs` of them.
+    Nothing of the blocks that are sure; one stratum of the others where that is enough, else `subs` of them;
+    of bright blocks four times as many, of dim ones a quarter: at least one, and at most all.
     """
     asked = np.zeros((len(pixels), BLOCKS, 16), bool)
-    numbers = np.where(once, 1, subs[:, None])
+    wanted = np.where(once, 1, subs[:, None]) * np.array([0.25, 1, 4])[np.broadcast_to(brightness, BLOCKS)]
+    numbers = np.clip(wanted, 1, 16).astype(int)
     for number in np.unique(numbers):
         here = np.stack([of_block(number, pixels, block) for block in range(BLOCKS)], axis=1)
         asked |= here & (numbers == number)[..., None]

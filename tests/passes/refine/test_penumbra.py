@@ -54,7 +54,12 @@ def _widths(
 
 
 def _plans(
-    runner: Runner, layout: Layout, zone: NDArray[np.int64], width: Array, most_subs: int
+    runner: Runner,
+    layout: Layout,
+    zone: NDArray[np.int64],
+    width: Array,
+    most_subs: int,
+    before: NDArray[np.int64] | int = ref.PLAN_ZONE,
 ) -> NDArray[np.uint32]:
     out = runner(
         "passes/refine/penumbra",
@@ -63,7 +68,7 @@ def _plans(
         params=record(PENUMBRA, width=layout.width, height=layout.height, most_subs=most_subs, **LEVELS),
         zone_cells=zone.astype(np.uint32),
         cell_width=width.astype(np.float32),
-        cell_plan=np.full(len(layout.order), 99, np.uint32),
+        cell_plan=np.broadcast_to(before, len(layout.order)).astype(np.uint32),
     )
     return read(out, "cell_plan", np.uint32)
 
@@ -116,8 +121,13 @@ def test_a_penumbra_by_hand(runner: Runner) -> None:
     assert_not_within(half[5], found[5], 1e-5)
 
 
-def _expected(layout: Layout, width: Array, most_subs: int) -> NDArray[np.int64]:
-    """Plan of every cell, in image order, from the narrowest width of nine cells that is known, or else 0."""
+def _expected(
+    layout: Layout, width: Array, most_subs: int, calm: NDArray[np.bool_] | bool = False
+) -> NDArray[np.int64]:
+    """Plan of every cell, in image order, from the narrowest width of nine cells that is known, or else 0.
+
+    Of calm cells in wide penumbrae no pixel asks for itself.
+    """
     image = layout.image(width)
     beyond = np.where(image > 0, image, np.inf)
     padded = np.pad(beyond, 1, constant_values=np.inf)
@@ -126,7 +136,8 @@ def _expected(layout: Layout, width: Array, most_subs: int) -> NDArray[np.int64]
     least[np.isinf(least)] = 0
     subs = np.where(least >= LEVELS["one"], 1, np.where(least >= LEVELS["four"], 4, 16))
     radius = (least >= LEVELS["narrow"]).astype(int) + (least >= LEVELS["wide"])
-    traced = np.where(least < LEVELS["untraced"], ref.PLAN_TRACED, 0)
+    enough = (least >= LEVELS["untraced"]) | (calm & (least >= LEVELS["wide"]))
+    traced = np.where(enough, 0, ref.PLAN_TRACED)
     return ref.PLAN_ZONE + traced + ref.PLAN_SUBS * np.minimum(subs, most_subs) + ref.PLAN_RADIUS * radius
 
 
@@ -141,14 +152,17 @@ def test_plans_agree_with_the_reference(
     scale = np.repeat(rng.choice([0.5, 3, 8, 30, 200], len(width) // 16), 16)[zone]
     width[zone] = scale * rng.uniform(0.5, 2, len(zone)) * (rng.uniform(size=len(zone)) < 0.7)
     width = width.astype(np.float32).astype(np.float64)
-    found = _plans(runner, layout, zone, width, most_subs)
-    expected = layout.listed(_expected(layout, width, most_subs))
+    calm = rng.uniform(size=len(width)) < 0.5
+    before = ref.PLAN_ZONE + ref.PLAN_CALM * calm
+    found = _plans(runner, layout, zone, width, most_subs, before)
+    expected = layout.listed(_expected(layout, width, most_subs, layout.image(calm)))
     assert (found[zone] == expected[zone]).all()
-    assert (np.delete(found, zone) == 99).all()
+    assert (np.delete(found, zone) == np.delete(before, zone)).all()
     if size[0] > 50:
         assert len(np.unique(expected[zone])) >= (4 if most_subs == 1 else 5)
         alone = np.where(width > 0, width, 1e9)
-        assert not (found == layout.listed(_expected(layout, alone, most_subs))).all()
+        assert not (found == layout.listed(_expected(layout, alone, most_subs, layout.image(calm)))).all()
+        assert not (found == layout.listed(_expected(layout, width, most_subs))).all()
 
 
 def test_where_no_width_is_known_everything_is_asked(runner: Runner) -> None:

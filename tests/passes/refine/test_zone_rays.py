@@ -34,6 +34,7 @@ def _run(
     subs: NDArray[np.int64],
     first: int = 0,
     answer: Bits | None = None,
+    brightness: NDArray[np.int64] | None = None,
 ) -> tuple[NDArray[Any], Bits]:
     """Receivers, and what they ask: (n, block, stratum)."""
     count = 4 * (len(cells) - first)
@@ -44,7 +45,13 @@ def _run(
         "passes/refine/zone_rays",
         count,
         params=record(
-            LIST, width=layout.width, height=layout.height, patterns=PATTERNS, seed=SEED, first=first
+            LIST,
+            width=layout.width,
+            height=layout.height,
+            patterns=PATTERNS,
+            seed=SEED,
+            first=first,
+            boosts=strata.boosts(1 if brightness is None else brightness),
         ),
         traced_cells=cells.astype(np.uint32),
         cell_agreed=ref.pack(sure, answer),
@@ -74,7 +81,8 @@ def test_receivers_and_questions_agree_with_the_reference(
 ) -> None:
     layout = Layout(*size)
     g, cells, sure, subs = _case(rng, layout)
-    found, asked = _run(runner, layout, g, cells, sure, subs, first)
+    bright = rng.integers(0, 3, 16)
+    found, asked = _run(runner, layout, g, cells, sure, subs, first, brightness=bright)
     mine = np.repeat(cells[first:], 4)
     pixels = layout.corners(cells[first:]).reshape(-1, 2)
     at = layout.number(pixels)
@@ -89,11 +97,16 @@ def test_receivers_and_questions_agree_with_the_reference(
     assert (found["normal_geo"][live] == g.geometric[at]).all()
     assert (found["normal_shade"][live] == g.normal[at]).all()
     once = _answers(sure)[mine]
-    expected = strata.by_plan(pixels, subs[mine], sure[mine], once)
+    expected = strata.by_plan(pixels, subs[mine], sure[mine], once, bright)
     assert (asked == expected)[live].all()
     assert size[0] < 50 or not (asked == np.roll(expected, 1, axis=1))[live].all()
+    _, plain = _run(runner, layout, g, cells, sure, subs, first)
     counts = np.where(sure[mine], 0, np.where(once, 1, subs[mine][:, None]))
-    assert (asked.sum(axis=2) == counts)[live].all()
+    assert (plain.sum(axis=2) == counts)[live].all()
+    more, less = (asked.sum(axis=2)[live][:, bright == b] for b in (2, 0))
+    before, after = (counts[live][:, bright == b] for b in (2, 0))
+    assert (more == np.minimum(4 * before, 16)).all()
+    assert (less == np.minimum(np.maximum(after // 4, 1), after)).all()
 
 
 @pytest.mark.parametrize("subs", [1, 4])
