@@ -151,8 +151,8 @@ def zone(
 ) -> Votes:
     """What follows from what cells (r, c, 16) see of the blocks they asked.
 
-    `facing`: the tile faces the light; `proven`: LIT, DARK or NONE of the tile; `alike`: how many of nine cells
-    lie on the same surface, (r, c) each. A block is agreed on when someone among a cell and its eight
+    `facing`: the tile faces the light; `proven`: LIT, DARK or NONE of the tile; `alike`: how many cells
+    of nine lie on the same surface, (r, c) each. A block is agreed on when someone among a cell and its eight
     neighbours asked it and all that did say the same, if ENOUGH of them are alike; and sure, when the blocks
     beside it on the light, in a grid of `across` columns, are agreed on as well.
     """
