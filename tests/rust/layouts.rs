@@ -18,6 +18,7 @@ use miplight::passes::refine::light_bounds::{LightBoundsParams, LightFrame, Tile
 use miplight::passes::refine::list_params::{self, ListParams};
 use miplight::passes::refine::penumbra::PenumbraParams;
 use miplight::passes::refine::uniform_levels::UniformLevelsParams;
+use miplight::passes::visibility::prove::ProveParams;
 use miplight::passes::visibility::{Hit, Ray, Receiver};
 use miplight::passes::{TILE, TILE_PIXELS, View};
 use miplight::scene::prepare::{InstanceRecord, LIGHT_ROWS, NO_LIGHT, Prepared};
@@ -61,6 +62,7 @@ fn twins() -> Vec<(Layout, &'static str, &'static str)> {
 fn adaptive() -> Vec<(Layout, &'static str, &'static str)> {
     let frame = host_layout!(LightFrame { corner, extent_a, dual_u, extent_b, dual_v, two_sided, normal, cos_cutoff });
     let bounds = host_layout!(TileBounds { lo, facing, hi, pad });
+    let prove = host_layout!(ProveParams { width, height, pad0, pad1 });
     let list = host_layout!(ListParams {
         width,
         height,
@@ -94,6 +96,7 @@ fn adaptive() -> Vec<(Layout, &'static str, &'static str)> {
     vec![
         (frame, "common/light_frame", "LightFrame"),
         (bounds, "common/light_frame", "TileBounds"),
+        (prove, "passes/visibility/prove", "ProveParams"),
         (list, "common/list_params", "ListParams"),
         (light_bounds, "passes/refine/light_bounds", "LightBoundsParams"),
         (levels, "passes/refine/uniform_levels", "UniformLevelsParams"),
