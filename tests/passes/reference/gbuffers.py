@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from .image import view_directions
+from .image import TILE, view_directions
 from .structs import FIRST_LIGHT, NOTHING, SURFACE, bits, row
 
 Array = NDArray[np.float64]
@@ -52,6 +52,36 @@ def random_gbuffer(
     arrays = [rng.normal(size=(pixels, 3)) * 4, rng.uniform(1e-6, 1e-4, pixels), normal, geometric]
     position, error, normal, geometric = (a.astype(np.float32).astype(np.float64) for a in arrays)
     return GBuffer(position, error, normal, geometric, np.where(seen, SURFACE, other))
+
+
+def tiled_gbuffer(
+    rng: np.random.Generator, width: int, height: int, spread: float = 4.0, surfaces: float | None = None
+) -> GBuffer:
+    """Tiles of pixels near each other that look about the same way, so that a tile is mostly of one kind.
+
+    Some tiles are surface all over, some partly, some not at all, unless `surfaces` says how many pixels are.
+    """
+    across, down = -(-width // TILE), -(-height // TILE)
+    count = across * down
+    columns, rows = np.meshgrid(np.arange(width), np.arange(height))
+    tile = (rows // TILE * across + columns // TILE).ravel()
+    reach = 10.0 ** rng.uniform(-2.5, 0.5, count)
+    places = rng.normal(size=(count, 3)) * spread
+    g = random_gbuffer(rng, width * height)
+    position = places[tile] + reach[tile, None] * rng.normal(size=(width * height, 3))
+    geometric = rng.normal(size=(count, 3))[tile] + (reach[tile, None] * 0.3) * rng.normal(
+        size=(len(tile), 3)
+    )
+    geometric /= np.linalg.norm(geometric, axis=1, keepdims=True)
+    normal = geometric + 0.1 * rng.normal(size=geometric.shape)
+    normal /= np.linalg.norm(normal, axis=1, keepdims=True)
+    share = rng.choice([0.0, 0.6, 1.0, 1.0], count)[tile] if surfaces is None else surfaces
+    seen = rng.uniform(size=len(tile)) < share
+    other = rng.choice([NOTHING, FIRST_LIGHT, FIRST_LIGHT + 3], len(tile))
+    position, normal, geometric = (
+        a.astype(np.float32).astype(np.float64) for a in (position, normal, geometric)
+    )
+    return GBuffer(position, g.error, normal, geometric, np.where(seen, SURFACE, other))
 
 
 def wavy_gbuffer(

@@ -130,6 +130,34 @@ ONE_PASS = np.dtype(
     ]
 )
 COMPACT = np.dtype(_fields("items", "mask", "value", "scanned"))
+LIGHT_FRAME = np.dtype(
+    [
+        ("corner", "<f4", 3),
+        ("extent_a", "<f4"),
+        ("dual_u", "<f4", 3),
+        ("extent_b", "<f4"),
+        ("dual_v", "<f4", 3),
+        ("two_sided", "<u4"),
+        ("normal", "<f4", 3),
+        ("cos_cutoff", "<f4"),
+    ]
+)
+TILE_BOUNDS = np.dtype([("lo", "<f4", 3), ("facing", "<u4"), ("hi", "<f4", 3), ("pad", "<u4")])
+LIGHT_BOUNDS = np.dtype(_fields("width", "height", "light", "unshadowed"))
+LIST = np.dtype(
+    _fields("width", "height", "light", "patterns", "seed", "first", "blocks_u", "reuse", "boosts")
+    + _fields("pad0", "pad1", "pad2")
+)
+PENUMBRA = np.dtype(
+    [
+        *_fields("width", "height", "first", "most_subs"),
+        *((name, "<f4") for name in ("light_size", "untraced", "one", "four", "narrow", "wide")),
+        *_fields("pad0", "pad1"),
+    ]
+)
+UNIFORM_LEVELS = np.dtype(
+    _fields("width", "height", "slot", "coarsest", "own_pixels", "again", "last", "pad")
+)
 DOWNSAMPLE = np.dtype(_fields("width", "height", "factor", "pad"))
 
 
