@@ -1,7 +1,7 @@
 // What the G-buffer holds a pixel: four rows of four words, floats as their bits.
 //   g_position   xyz scene-space position, w bound of its error
 //   g_normal     xyz shading normal turned to the viewer, w kind: 0 nothing, 1 surface, 2 + light index for a light
-//   g_geometric  xyz geometric normal turned to the viewer, w triangle of the mesh
+//   g_geometric  xyz geometric normal turned to the viewer, w triangle of the mesh, MISS for a light
 //   g_albedo     rgb albedo (of a light: a, b, and 1 on its lit side), w instance
 
 const NOTHING: u32 = 0u;

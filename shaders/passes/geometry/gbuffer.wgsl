@@ -47,6 +47,6 @@ fn main(
     let color = select(s.albedo, vec3f(ab, select(0.0, 1.0, s.front)), seen_light);
     g_position[at] = words(s.position, bitcast<u32>(s.origin_error));
     g_normal[at] = words(s.normal_shade, kind);
-    g_geometric[at] = words(s.normal_geo, hit.triangle);
+    g_geometric[at] = words(s.normal_geo, select(hit.triangle, MISS, seen_light));
     g_albedo[at] = words(color, hit.instance);
 }
