@@ -54,6 +54,26 @@ pub const GEOMETRY: [&str; 3] = ["geometry/primary_rays", "geometry/trace", "geo
 /// Passes of direct light.
 pub const DIRECT: [&str; 5] =
     ["direct/light_samples", "direct/receivers", "direct/shadow", "direct/gather", "direct/gather_ratio"];
+/// Passes of direct light where shadows decide what is worth a ray.
+pub const ADAPTIVE: [&str; 15] = [
+    "direct/light_bounds",
+    "direct/prove",
+    "direct/compact",
+    "direct/cell_rays",
+    "direct/cell_shadow",
+    "direct/cells",
+    "direct/zone",
+    "direct/penumbra_rays",
+    "direct/penumbra_trace",
+    "direct/penumbra",
+    "direct/zone_rays",
+    "direct/zone_shadow",
+    "direct/share",
+    "direct/smooth_share",
+    "direct/uniform_levels",
+];
+/// Exact unshadowed light times the share that is seen.
+pub const IRRADIANCE: &str = "direct/irradiance";
 /// Passes of indirect light.
 pub const INDIRECT: [&str; 5] =
     ["indirect/gather_rays", "indirect/trace", "indirect/gather_hits", "indirect/shadow", "indirect/gather_sum"];
@@ -93,20 +113,52 @@ pub fn plan(facts: SceneFacts, settings: &Settings, valid: Valid) -> Plan {
     plan.add(&GEOMETRY[2..], valid.gbuffer.then_some("neither geometry nor camera changed since the last frame"));
 
     let direct = settings.is("direct", "off").then_some("direct is off").or(no_surface).or(no_light);
-    let no_area = (facts.area_lights == 0).then_some("no area light emits anything");
-    plan.add(&DIRECT[..1], direct.or(no_area));
-    plan.add(&DIRECT[1..2], direct);
-    plan.add(&DIRECT[2..3], direct.or(settings.is("visibility", "none").then_some("visibility is none")));
-    let ratio = settings.is("direct_estimator", "ratio");
-    let no_sum = (ratio && facts.spot_lights == 0).then_some("direct_estimator is ratio, and there is no spot light");
-    plan.add(&DIRECT[3..4], direct.or(no_sum));
-    plan.add(&DIRECT[4..], direct.or(no_area).or((!ratio).then_some("direct_estimator is samples")));
+    plan.add_direct(facts, settings, direct);
+    plan.add_adaptive(facts, settings, direct);
 
     let indirect = settings.is("indirect", "off").then_some("indirect is off").or(no_surface).or(no_light);
     plan.add(&INDIRECT, indirect);
     plan.add(&[COMPOSITE], None);
     plan.add(&[DOWNSAMPLE], (settings.int("supersample") == 1).then_some("supersample is 1"));
     plan
+}
+
+/// Whether shadows decide what is worth a ray.
+pub fn is_adaptive(settings: &Settings) -> bool {
+    !settings.is("refine", "none") && settings.is("direct_estimator", "ratio")
+}
+
+impl Plan {
+    /// Every pixel for itself.
+    fn add_direct(&mut self, facts: SceneFacts, settings: &Settings, direct: Option<&'static str>) {
+        let no_area = (facts.area_lights == 0).then_some("no area light emits anything");
+        self.add(&DIRECT[..1], direct.or(no_area));
+        let adaptive = is_adaptive(settings).then_some("shadows decide what is worth a ray: refine is not none");
+        self.add(&DIRECT[1..2], direct.or(adaptive));
+        let unshadowed = settings.is("visibility", "none").then_some("visibility is none");
+        self.add(&DIRECT[2..3], direct.or(adaptive).or(unshadowed));
+        let ratio = settings.is("direct_estimator", "ratio");
+        let no_sum =
+            (ratio && facts.spot_lights == 0).then_some("direct_estimator is ratio, and there is no spot light");
+        self.add(&DIRECT[3..4], direct.or(adaptive).or(no_sum));
+        let no_ratio = (!ratio).then_some("direct_estimator is samples");
+        self.add(&DIRECT[4..], direct.or(adaptive).or(no_area).or(no_ratio));
+    }
+
+    /// Tiles, cells, penumbrae.
+    fn add_adaptive(&mut self, facts: SceneFacts, settings: &Settings, direct: Option<&'static str>) {
+        let other = (!is_adaptive(settings))
+            .then_some("every pixel asks for itself: refine is none or direct_estimator is samples");
+        let direct = direct.or(other);
+        let unshadowed = settings.is("visibility", "none").then_some("visibility is none");
+        let no_area = (facts.area_lights == 0).then_some("no area light emits anything, and spots have no penumbra");
+        self.add(&ADAPTIVE[..1], direct);
+        self.add(&ADAPTIVE[1..6], direct.or(unshadowed));
+        self.add(&ADAPTIVE[6..7], direct);
+        self.add(&ADAPTIVE[7..14], direct.or(unshadowed).or(no_area));
+        self.add(&ADAPTIVE[14..], direct);
+        self.add(&[IRRADIANCE], direct);
+    }
 }
 
 #[cfg(test)]
@@ -126,7 +178,7 @@ mod tests {
 
     #[test]
     fn every_pass_is_either_run_or_skipped_with_a_reason_and_never_both() {
-        let all = [&GEOMETRY[..], &DIRECT, &INDIRECT, &[COMPOSITE, DOWNSAMPLE]].concat();
+        let all = [&GEOMETRY[..], &DIRECT, &ADAPTIVE, &[IRRADIANCE], &INDIRECT, &[COMPOSITE, DOWNSAMPLE]].concat();
         for facts in [ROOM, SceneFacts::default(), SceneFacts { spot_lights: 1, area_lights: 0, ..ROOM }] {
             for gbuffer in [false, true] {
                 for change in [
@@ -136,13 +188,27 @@ mod tests {
                     ("visibility", "none"),
                     ("direct_estimator", "ratio"),
                 ] {
-                    let plan = plan(facts, &settings(&[change]), Valid { gbuffer });
-                    for pass in &all {
-                        assert_ne!(plan.runs(pass), !reason(&plan, pass).is_empty(), "{pass} {facts:?} {change:?}");
+                    for refine in ["none", "one-pass"] {
+                        let plan = plan(facts, &settings(&[change, ("refine", refine)]), Valid { gbuffer });
+                        for pass in &all {
+                            let why = reason(&plan, pass);
+                            assert_ne!(plan.runs(pass), !why.is_empty(), "{pass} {facts:?} {change:?} {refine}");
+                        }
                     }
                 }
             }
         }
+    }
+
+    #[test]
+    fn the_adaptive_chain_takes_the_place_of_pixels_for_themselves() {
+        let adaptive = settings(&[("refine", "one-pass"), ("direct_estimator", "ratio")]);
+        let chain = plan(ROOM, &adaptive, Valid::default());
+        assert!(ADAPTIVE.iter().all(|pass| chain.runs(pass)) && chain.runs(IRRADIANCE) && chain.runs(DIRECT[0]));
+        assert!(DIRECT[1..].iter().all(|pass| !chain.runs(pass)));
+        let spots = SceneFacts { area_lights: 0, spot_lights: 1, ..ROOM };
+        let chain = plan(spots, &adaptive, Valid::default());
+        assert!(chain.runs("direct/cell_shadow") && !chain.runs("direct/zone_shadow") && chain.runs(IRRADIANCE));
     }
 
     #[test]

@@ -16,7 +16,7 @@ use crate::passes::visibility::Hit;
 use crate::passes::visibility::placed::PlacedScene;
 use crate::passes::visibility::trace::{Form, Tracer};
 use crate::passes::{Context, GBuffer, View, gather, indirect};
-use crate::plan::{COMPOSITE, DIRECT, DOWNSAMPLE, GEOMETRY, INDIRECT, Plan, SceneFacts, Valid, plan};
+use crate::plan::{COMPOSITE, DIRECT, DOWNSAMPLE, GEOMETRY, INDIRECT, IRRADIANCE, Plan, SceneFacts, Valid, plan};
 use crate::scene::camera::Camera;
 use crate::scene::prepare::Prepared;
 use crate::scene::snapshot::Snapshot;
@@ -52,6 +52,8 @@ struct Kept {
     gbuffer: GBuffer,
     images: Images,
     irradiance: [Option<Buffer<[f32; 4]>>; 2],
+    /// Level and reason of each pixel's fragment, unless every fragment is a pixel.
+    levels: Option<[Buffer<u32>; 2]>,
 }
 
 impl Renderer {
@@ -177,6 +179,7 @@ impl Renderer {
         if plan.runs(DIRECT[1]) && active == 0 {
             stats.empty.push((DIRECT[1].to_owned(), "no pixel sees a surface".to_owned()));
         }
+        stats.empty.extend(work.empty.iter().map(|(pass, reason)| ((*pass).to_owned(), (*reason).to_owned())));
         Ok(FrameInfo {
             generation: state.generation,
             width: camera.width,
@@ -208,6 +211,8 @@ struct Work {
     rays: u64,
     active: Option<Buffer<u32>>,
     samples: u64,
+    /// Passes that had nothing to do, and why.
+    empty: Vec<(&'static str, &'static str)>,
 }
 
 impl State {
@@ -230,7 +235,7 @@ impl State {
         let mut context = Context { recorder, resources, scene, tracer, prepared, settings, view, rays: 0 };
         let gbuffer = gbuffer::buffers(&mut context)?;
         context.scoped("geometry", |context| geometry(context, plan, &gbuffer))?;
-        let direct = match plan.runs(DIRECT[1]) {
+        let direct = match plan.runs(DIRECT[1]) || plan.runs(IRRADIANCE) {
             true => Some(context.scoped("direct", |context| gather::record(context, &gbuffer))?),
             false => None,
         };
@@ -248,10 +253,12 @@ impl State {
         let work = Work {
             rays: context.rays,
             samples: direct.as_ref().map_or(0, |d| d.samples),
+            empty: direct.as_ref().map_or_else(Vec::new, |d| d.empty.clone()),
             active: direct.as_ref().map(|d| d.active.clone()),
         };
+        let levels = direct.as_ref().and_then(|d| d.levels.clone());
         let irradiance = [direct.map(|d| d.irradiance), indirect];
-        Ok((Kept { view, anchor: prepared.anchor, gbuffer, images, irradiance }, work))
+        Ok((Kept { view, anchor: prepared.anchor, gbuffer, images, irradiance, levels }, work))
     }
 }
 

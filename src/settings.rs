@@ -127,7 +127,7 @@ pub const SPECS: &[Spec] = &[
     choice(
         "refine",
         &["none", "iterative", "one-pass", "incremental", "sub-fragment"],
-        &["none"],
+        &["none", "one-pass"],
         "none",
         "How fragments are split; `none` shades every pixel.",
         "[NW09; NSW09; NPW10; KJ16]",
@@ -244,7 +244,7 @@ pub const PRESETS: &[(&str, Option<Changes>)] = &[
     ("area-2010", None),
     ("area-2016", None),
     ("brute-force", Some(&[])),
-    ("default", Some(&[("direct_estimator", Default::Text("ratio"))])),
+    ("default", Some(&[("direct_estimator", Default::Text("ratio")), ("refine", Default::Text("one-pass"))])),
 ];
 
 impl Default {

@@ -5,6 +5,7 @@
 //! names become `name__common_grid`, which [`plain_name`] undoes.
 
 use std::borrow::Cow;
+use std::path::Path;
 
 use include_dir::{Dir, include_dir};
 use wesl::syntax::PathOrigin;
@@ -51,6 +52,15 @@ pub fn source(stem: &str) -> Option<&'static str> {
     SHADERS.get_file(format!("{stem}.wgsl"))?.contents_utf8()
 }
 
+/// The text as embedded, or as it is now below the folder that `MIPLIGHT_SHADERS` names: whoever works on a shader need
+/// not rebuild the crate.
+fn current(stem: &str) -> Option<Cow<'static, str>> {
+    let embedded = source(stem)?;
+    let file = std::env::var_os("MIPLIGHT_SHADERS").map(|dir| Path::new(&dir).join(format!("{stem}.wgsl")));
+    let changed = file.and_then(|file| std::fs::read_to_string(file).ok());
+    Some(changed.map_or(Cow::Borrowed(embedded), Cow::Owned))
+}
+
 fn module_path(stem: &str) -> ModulePath {
     ModulePath::new(PathOrigin::Absolute, stem.split('/').map(str::to_string).collect())
 }
@@ -78,7 +88,7 @@ pub(crate) fn plain_name(name: &str) -> &str {
 pub fn compile(stem: &str, root: Option<&str>) -> Result<ShaderText> {
     let mut resolver = VirtualResolver::new();
     for file in files() {
-        resolver.add_module(module_path(&file), Cow::Borrowed(source(&file).unwrap_or_default()));
+        resolver.add_module(module_path(&file), current(&file).unwrap_or_default());
     }
     match (root, source(stem)) {
         (Some(text), _) => resolver.add_module(module_path(stem), Cow::Borrowed(text)),

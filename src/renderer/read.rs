@@ -98,6 +98,10 @@ impl Kept {
 
     /// Fragment maps are at the internal size: one fragment of level 0 for each pixel that sees a surface.
     fn fragments(&self, gpu: &Gpu, level: bool) -> Result<Image> {
+        if let Some(maps) = &self.levels {
+            let bytes = gpu.read(&maps[usize::from(!level)])?.iter().map(|&word| word as u8).collect();
+            return Ok(Image { width: self.view.width, height: self.view.height, pixels: Pixels::Bytes(bytes) });
+        }
         let byte = |row: &Row| match (row[3], level) {
             (NOTHING, _) => LEVEL_NOTHING,
             (SURFACE, true) => 0,

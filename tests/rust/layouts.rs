@@ -11,6 +11,11 @@ use miplight::passes::gather::gather::GatherParams;
 use miplight::passes::gather::receivers::ReceiversParams;
 use miplight::passes::indirect::{GatherPath, GatherWave};
 use miplight::passes::lights::light_samples::LightSamplesParams;
+use miplight::passes::refine::compact::CompactParams;
+use miplight::passes::refine::light_bounds::{LightBoundsParams, LightFrame, TileBounds};
+use miplight::passes::refine::list_params::{self, ListParams};
+use miplight::passes::refine::penumbra::PenumbraParams;
+use miplight::passes::refine::uniform_levels::UniformLevelsParams;
 use miplight::passes::visibility::{Hit, Ray, Receiver};
 use miplight::passes::{TILE, TILE_PIXELS, View};
 use miplight::scene::prepare::{InstanceRecord, LIGHT_ROWS, NO_LIGHT, Prepared};
@@ -24,8 +29,10 @@ fn twins() -> Vec<(Layout, &'static str, &'static str)> {
     let gather = host_layout!(GatherParams { strata, words, light, pad });
     let composite = host_layout!(CompositeParams { direct, indirect, pad0, pad1 });
     let downsample = host_layout!(DownsampleParams { width, height, factor, pad });
+    let compact = host_layout!(CompactParams { items, mask, value, scanned });
     let receivers = host_layout!(ReceiversParams { width, height, first, patterns, seed, pad0, pad1, pad2 });
-    vec![
+    let mut all = adaptive();
+    all.extend(vec![
         (ray, "common/ray", "Ray"),
         (hit, "common/ray", "Hit"),
         (receiver, "common/ray", "Receiver"),
@@ -36,8 +43,51 @@ fn twins() -> Vec<(Layout, &'static str, &'static str)> {
         (light_samples(), "passes/lights/light_samples", "LightSamplesParams"),
         (receivers, "passes/gather/receivers", "ReceiversParams"),
         (gather, "common/gather_params", "GatherParams"),
+        (compact, "passes/refine/compact", "CompactParams"),
         (composite, "passes/composite/composite", "CompositeParams"),
         (downsample, "passes/composite/downsample", "DownsampleParams"),
+    ]);
+    all
+}
+
+/// Those of the passes that decide what is worth a ray.
+fn adaptive() -> Vec<(Layout, &'static str, &'static str)> {
+    let frame = host_layout!(LightFrame {
+        corner,
+        extent_a,
+        dual_u,
+        extent_b,
+        dual_v,
+        two_sided,
+        normal,
+        cos_cutoff
+    });
+    let bounds = host_layout!(TileBounds { lo, facing, hi, pad });
+    let list = host_layout!(ListParams { width, height, light, patterns, seed, first, blocks_u, pad });
+    let light_bounds = host_layout!(LightBoundsParams { width, height, light, unshadowed });
+    let levels =
+        host_layout!(UniformLevelsParams { width, height, slot, coarsest, own_pixels, again, pad0, pad1 });
+    let penumbra = host_layout!(PenumbraParams {
+        width,
+        height,
+        first,
+        most_subs,
+        light_size,
+        untraced,
+        one,
+        four,
+        narrow,
+        wide,
+        pad0,
+        pad1
+    });
+    vec![
+        (frame, "common/light_frame", "LightFrame"),
+        (bounds, "common/light_frame", "TileBounds"),
+        (list, "common/list_params", "ListParams"),
+        (light_bounds, "passes/refine/light_bounds", "LightBoundsParams"),
+        (levels, "passes/refine/uniform_levels", "UniformLevelsParams"),
+        (penumbra, "passes/refine/penumbra", "PenumbraParams"),
     ]
 }
 
@@ -84,7 +134,7 @@ fn instance() -> Layout {
 }
 
 fn light_samples() -> Layout {
-    host_layout!(LightSamplesParams { light, strata_u, strata_v, patterns, seed, jittered, t_max, pad })
+    host_layout!(LightSamplesParams { light, strata_u, strata_v, patterns, seed, jittered, t_max, by_rows })
 }
 
 #[test]
@@ -157,7 +207,10 @@ fn every_struct_in_a_buffer_has_a_tested_twin() {
 #[test]
 fn constants_are_the_same_on_both_sides() {
     let text = "
+import package::common::cells::{PLAN_TRACED, PLAN_ZONE, TILE_CELLS};
 import package::common::gather_path::NO_PIXEL;
+import package::common::light_frame::{BACK, CLIPPED, DARK, FACING, FAR, LIT, MIXED_SIDES, NEAR, ON_SURFACE};
+import package::common::strata::{STRATA, WORDS};
 import package::common::gbuffer::{FIRST_LIGHT, NOTHING, SURFACE};
 import package::common::light::{AREA, LIGHT_ROWS, SPOT};
 import package::common::ray::MISS;
@@ -176,10 +229,15 @@ fn main() {
     out[7] = SPOT;
     out[8] = SMOOTH | (COLORS << 8u) | (TEXTURE << 16u) | (LIGHT << 24u);
     out[9] = NOTHING | (SURFACE << 8u) | (FIRST_LIGHT << 16u);
+    out[10] = STRATA | (WORDS << 16u) | (TILE_CELLS << 24u);
+    out[11] = PLAN_ZONE | (PLAN_TRACED << 8u);
+    out[12] = FACING | (ON_SURFACE << 8u) | (BACK << 16u) | (MIXED_SIDES << 24u);
+    out[13] = CLIPPED | (NEAR << 8u) | (FAR << 16u);
+    out[14] = LIT | (DARK << 16u);
 }";
     let device = Gpu::new("auto").unwrap();
     let kernel = device.kernel_from_text("tests/constants", text, "main", &[]).unwrap();
-    let out = device.buffer::<u32>("out", 10, Usage::Storage).unwrap();
+    let out = device.buffer::<u32>("out", 15, Usage::Storage).unwrap();
     let mut recorder = device.record(never()).unwrap();
     recorder.pass("constants", &kernel).bind("out", &out).dispatch_groups(1).unwrap();
     recorder.finish().unwrap();
@@ -188,7 +246,17 @@ fn main() {
     let flags = u32::from_le_bytes([1, 2, 4, 8]);
     let host =
         [TILE, TILE_PIXELS, LIGHT_ROWS as u32, NO_LIGHT, Hit::MISS.instance, u32::MAX, area, spot, flags, 0x0002_0100];
-    assert_eq!(found, host);
+    assert_eq!(found[..10], host);
+    assert_eq!(found[10..], adaptive_constants());
+}
+
+fn adaptive_constants() -> [u32; 5] {
+    use miplight::passes::gather::adaptive::{PLAN_TRACED, PLAN_ZONE};
+    use miplight::passes::refine::light_bounds::flags as f;
+    let sizes = list_params::STRATA | (list_params::WORDS as u32) << 16 | (list_params::TILE_CELLS as u32) << 24;
+    let facing = f::FACING | f::SURFACE << 8 | f::BACK << 16 | f::MIXED_SIDES << 24;
+    let place = f::CLIPPED | f::NEAR << 8 | f::FAR << 16;
+    [sizes, PLAN_ZONE | PLAN_TRACED << 8, facing, place, f::LIT | f::DARK << 16]
 }
 
 /// What the host writes as an area light's kind and as a spot's.

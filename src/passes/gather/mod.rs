@@ -1,9 +1,13 @@
 //! Direct light: shading points, which samples they see, and their sum.
 
+pub mod adaptive;
 #[allow(clippy::module_inception, reason = "the pass has the name of its stage")]
 pub mod gather;
 pub mod gather_ratio;
+pub mod irradiance;
 pub mod receivers;
+pub mod share;
+pub mod smooth_share;
 
 use self::gather::Gathered;
 use crate::error::Result;
@@ -12,6 +16,7 @@ use crate::passes::lights::light_samples;
 use crate::passes::visibility::Receiver;
 use crate::passes::visibility::shadow::ShadowLight;
 use crate::passes::{Context, GBuffer, TILE_PIXELS};
+use crate::plan;
 
 /// Rays that the native trace answers in about 0.1 s on two cores; a GPU takes more at once.
 const RAYS_NATIVE: usize = 1 << 21;
@@ -27,6 +32,10 @@ pub struct Direct {
     pub active: Buffer<u32>,
     /// Samples of all lights together.
     pub samples: u64,
+    /// Level and reason of each pixel's fragment, where there are larger ones than pixels.
+    pub levels: Option<[Buffer<u32>; 2]>,
+    /// Passes that had nothing to do, and why.
+    pub empty: Vec<(&'static str, &'static str)>,
 }
 
 /// Receivers that are worked on at once.
@@ -41,6 +50,9 @@ fn chunk_len(context: &Context<'_, '_>, strata: u32) -> usize {
 /// # Errors
 /// Those of the device; `Cancelled`.
 pub fn record(context: &mut Context<'_, '_>, gbuffer: &GBuffer) -> Result<Direct> {
+    if plan::is_adaptive(context.settings) {
+        return adaptive::record(context, gbuffer);
+    }
     let irradiance = context.resources.buffer("direct_irradiance", context.view.pixels())?;
     let active = context.resources.buffer("active_receivers", 1)?;
     context.recorder.clear(&irradiance)?;
@@ -62,7 +74,7 @@ pub fn record(context: &mut Context<'_, '_>, gbuffer: &GBuffer) -> Result<Direct
         first += count;
     }
     let samples = samples.iter().map(|s| u64::from(s.strata)).sum();
-    Ok(Direct { irradiance, active, samples })
+    Ok(Direct { irradiance, active, samples, levels: None, empty: Vec::new() })
 }
 
 fn shade(context: &mut Context<'_, '_>, work: &Gathered<'_>) -> Result<()> {

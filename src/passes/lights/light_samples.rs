@@ -32,8 +32,8 @@ pub struct LightSamplesParams {
     pub jittered: u32,
     /// Written as the points' fourth number.
     pub t_max: f32,
-    /// Unused.
-    pub pad: u32,
+    /// 1: strata row by row, not block by block.
+    pub by_rows: u32,
 }
 
 /// The samples of one light.
@@ -43,6 +43,8 @@ pub struct LightSamples {
     pub light: u32,
     /// Samples a pattern.
     pub strata: u32,
+    /// Strata along edge u.
+    pub strata_u: u32,
     /// Sets of points.
     pub patterns: u32,
     /// patterns × strata points, fourth number the largest t of a ray to it.
@@ -57,6 +59,13 @@ pub struct LightSamples {
     pub cos_cutoff: f32,
 }
 
+impl LightSamples {
+    /// An area light, not a spot.
+    pub fn is_area(&self) -> bool {
+        self.cos_cutoff < -1.0
+    }
+}
+
 /// How many sets of points a pattern setting needs.
 pub fn patterns(context: &Context<'_, '_>) -> u32 {
     if context.settings.is("light_pattern", "jittered") { PATTERNS } else { 1 }
@@ -69,8 +78,61 @@ pub fn patterns(context: &Context<'_, '_>) -> u32 {
 pub fn record(context: &mut Context<'_, '_>) -> Result<Vec<LightSamples>> {
     let prepared = context.prepared;
     (0..prepared.lights)
-        .map(|light| if light < prepared.area_lights { area(context, light) } else { spot(context, light) })
+        .map(|light| {
+            if light >= prepared.area_lights {
+                return spot(context, light);
+            }
+            let [length_u, length_v] = lengths(context, light);
+            area(context, light, strata_grid(context.settings.int("light_samples"), length_u, length_v))
+        })
         .collect()
+}
+
+fn lengths(context: &Context<'_, '_>, light: usize) -> [f64; 2] {
+    let rows = rows(context, light);
+    [1, 2].map(|row| f64::from(xyz(rows[row]).length()))
+}
+
+/// A light with 256 samples a pattern in 16 blocks of 4 × 4, as `shaders/common/strata.wgsl` wants them, and the mean
+/// radiance times area of the 64 quarters of these blocks, row by row.
+///
+/// # Errors
+/// Those of the device.
+pub fn blocks(context: &mut Context<'_, '_>, light: usize) -> Result<(LightSamples, Buffer<[f32; 4]>)> {
+    if light >= context.prepared.area_lights {
+        let tiles = context.resources.buffer("radiance_tiles", 1)?;
+        return Ok((spot(context, light)?, tiles));
+    }
+    let [length_u, length_v] = lengths(context, light);
+    let [blocks_u, blocks_v] = strata_grid(16, length_u, length_v);
+    let samples = area(context, light, [4 * blocks_u, 4 * blocks_v])?;
+    let tiles: Buffer<[f32; 4]> = context.resources.buffer("radiance_tiles", 64)?;
+    let grid = [2 * blocks_u, 2 * blocks_v];
+    let params = LightSamplesParams { by_rows: 1, ..parameters(context, light, grid) };
+    radiance(context, &params, &tiles)?;
+    Ok((samples, tiles))
+}
+
+fn parameters(context: &Context<'_, '_>, light: usize, grid: [u32; 2]) -> LightSamplesParams {
+    let patterns = patterns(context);
+    LightSamplesParams {
+        light: light as u32,
+        strata_u: grid[0],
+        strata_v: grid[1],
+        patterns,
+        seed: context.settings.int("seed"),
+        jittered: u32::from(patterns > 1),
+        t_max: T_MAX,
+        by_rows: 0,
+    }
+}
+
+/// Mean radiance times area of each stratum.
+fn radiance(context: &mut Context<'_, '_>, params: &LightSamplesParams, to: &Buffer<[f32; 4]>) -> Result<()> {
+    let kernel = context.kernel("lights/light_samples", "radiance")?;
+    let lights = context.scene.lights()?;
+    let pass = context.recorder.pass("light_samples", &kernel).uniform("params", params);
+    pass.bind("lights", lights).bind("light_radiance", to).dispatch_groups((params.strata_u * params.strata_v) as usize)
 }
 
 fn rows<'p>(context: &Context<'p, '_>, light: usize) -> &'p [[f32; 4]] {
@@ -81,37 +143,25 @@ fn xyz(row: [f32; 4]) -> Vec3 {
     Vec3::new(row[0], row[1], row[2])
 }
 
-fn area(context: &mut Context<'_, '_>, light: usize) -> Result<LightSamples> {
+fn area(context: &mut Context<'_, '_>, light: usize, grid: [u32; 2]) -> Result<LightSamples> {
     let rows = rows(context, light);
-    let strata = context.settings.int("light_samples");
-    let [strata_u, strata_v] = strata_grid(strata, f64::from(xyz(rows[1]).length()), f64::from(xyz(rows[2]).length()));
-    let patterns = patterns(context);
-    let params = LightSamplesParams {
-        light: light as u32,
-        strata_u,
-        strata_v,
-        patterns,
-        seed: context.settings.int("seed"),
-        jittered: u32::from(patterns > 1),
-        t_max: T_MAX,
-        pad: 0,
-    };
+    let params = parameters(context, light, grid);
+    let (strata, patterns) = (grid[0] * grid[1], params.patterns);
     let count = (patterns * strata) as usize;
     let points = context.resources.buffer(&format!("light_points/{light}"), count)?;
-    let radiance = context.resources.buffer(&format!("light_radiance/{light}"), strata as usize)?;
+    let to = context.resources.buffer(&format!("light_radiance/{light}"), strata as usize)?;
     let kernel = context.kernel("lights/light_samples", "points")?;
     let lights = context.scene.lights()?;
     let pass = context.recorder.pass("light_samples", &kernel).uniform("params", &params);
     pass.bind("lights", lights).bind("light_points", &points).dispatch(count)?;
-    let kernel = context.kernel("lights/light_samples", "radiance")?;
-    let pass = context.recorder.pass("light_samples", &kernel).uniform("params", &params);
-    pass.bind("lights", lights).bind("light_radiance", &radiance).dispatch_groups(strata as usize)?;
+    radiance(context, &params, &to)?;
     Ok(LightSamples {
         light: light as u32,
         strata,
+        strata_u: grid[0],
         patterns,
         points,
-        radiance,
+        radiance: to,
         normal: xyz(rows[3]),
         two_sided: rows[1][3] != 0.0,
         cos_cutoff: -2.0,
@@ -130,6 +180,7 @@ fn spot(context: &mut Context<'_, '_>, light: usize) -> Result<LightSamples> {
     Ok(LightSamples {
         light: light as u32,
         strata: 1,
+        strata_u: 1,
         patterns,
         points,
         radiance,

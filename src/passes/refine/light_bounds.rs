@@ -3,6 +3,25 @@
 use bytemuck::{Pod, Zeroable};
 use glam::{DVec3, Vec3};
 
+use crate::error::Result;
+use crate::gpu::Buffer;
+use crate::passes::{Context, GBuffer, TILE};
+use crate::scene::prepare::LIGHT_ROWS;
+
+/// Twin of `LightBoundsParams` in `shaders/passes/refine/light_bounds.wgsl`.
+#[repr(C)]
+#[derive(Debug, Clone, Copy, Pod, Zeroable)]
+pub struct LightBoundsParams {
+    /// Internal columns.
+    pub width: u32,
+    /// Internal rows.
+    pub height: u32,
+    /// Which light.
+    pub light: u32,
+    /// 1: nothing can lie between.
+    pub unshadowed: u32,
+}
+
 /// A light's own affine coordinates; twin of `LightFrame` in `shaders/common/light_frame.wgsl`. With q = p − corner a
 /// point has a = q · dual_u, b = q · dual_v, h = q · normal: the light is a ∈ [0, extent_a], b ∈ [0, extent_b], h = 0.
 #[repr(C)]
@@ -43,6 +62,17 @@ impl LightFrame {
             two_sided: two_sided.into(),
             normal: normal.to_array(),
             cos_cutoff: -2.0,
+        }
+    }
+
+    /// Of light `index` of the scene.
+    pub fn of(context: &Context<'_, '_>, index: usize) -> Self {
+        let rows = &context.prepared.light_rows[index * LIGHT_ROWS..][..LIGHT_ROWS];
+        let xyz = |row: usize| Vec3::new(rows[row][0], rows[row][1], rows[row][2]);
+        if index < context.prepared.area_lights {
+            Self::area(xyz(0), xyz(1), xyz(2), xyz(3), rows[1][3] != 0.0)
+        } else {
+            Self::spot(xyz(0), xyz(3), rows[4][3])
         }
     }
 
@@ -96,6 +126,55 @@ pub mod flags {
     pub const LIT: u32 = 256;
     /// Proven: no facing pixel sees any of the light.
     pub const DARK: u32 = 512;
+}
+
+/// What is known of the tiles, for one light.
+#[derive(Debug, Clone)]
+pub struct Tiles {
+    /// How many.
+    pub count: usize,
+    /// Where their facing pixels lie.
+    pub bounds: Buffer<TileBounds>,
+    /// See [`flags`].
+    pub flags: Buffer<u32>,
+}
+
+/// Finds bounds and flags of all tiles; adds to what `pixel_lights` says of each pixel and to `facing_count`.
+///
+/// # Errors
+/// Those of the device.
+pub fn record(
+    context: &mut Context<'_, '_>,
+    gbuffer: &GBuffer,
+    frame: &LightFrame,
+    light: u32,
+    pixel_lights: &Buffer<u32>,
+    facing_count: &Buffer<u32>,
+) -> Result<Tiles> {
+    let count = context.view.tiled as usize / (TILE * TILE) as usize;
+    let tiles = Tiles {
+        count,
+        bounds: context.resources.buffer("tile_bounds", count)?,
+        flags: context.resources.buffer("tile_flags", count)?,
+    };
+    let unshadowed = context.settings.is("visibility", "none").into();
+    let params = LightBoundsParams { width: context.view.width, height: context.view.height, light, unshadowed };
+    let kernel = context.kernel("refine/light_bounds", "main")?;
+    context
+        .recorder
+        .pass("light_bounds", &kernel)
+        .uniform("params", &params)
+        .uniform("frame", frame)
+        .bind("g_position", &gbuffer.position)
+        .bind("g_normal", &gbuffer.normal)
+        .bind("g_geometric", &gbuffer.geometric)
+        .bind("lights", context.scene.lights()?)
+        .bind("tile_bounds", &tiles.bounds)
+        .bind("tile_flags", &tiles.flags)
+        .bind("pixel_lights", pixel_lights)
+        .bind("facing_count", facing_count)
+        .dispatch_cut(count * TILE as usize, 400.0)?;
+    Ok(tiles)
 }
 
 #[cfg(test)]

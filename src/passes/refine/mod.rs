@@ -1,3 +1,12 @@
 //! Which pixels share their light: tiles and cells that are provably or evidently lit or dark, and the zone between.
 
+pub mod cell_rays;
+pub mod cells;
+pub mod compact;
 pub mod light_bounds;
+pub mod list_params;
+pub mod penumbra;
+pub mod penumbra_rays;
+pub mod uniform_levels;
+pub mod zone;
+pub mod zone_rays;

@@ -3,6 +3,7 @@
 mod native;
 pub mod placed;
 pub mod shadow;
+pub mod stub3;
 pub mod trace;
 pub mod trace_native;
 pub mod trace_wgsl;

@@ -97,6 +97,7 @@ SHADOW = np.dtype(
     ]
 )
 COMPOSITE = np.dtype(_fields("direct", "indirect", "pad0", "pad1"))
+COMPACT = np.dtype(_fields("items", "mask", "value", "scanned"))
 DOWNSAMPLE = np.dtype(_fields("width", "height", "factor", "pad"))
 
 

@@ -1,0 +1,12 @@
+// Parameters of the passes that work on lists of tiles and cells, for one light.
+
+struct ListParams {
+    width: u32,         // internal columns
+    height: u32,
+    light: u32,
+    patterns: u32,      // sets of sample points
+    seed: u32,
+    first: u32,         // entry of the list at which this piece begins
+    blocks_u: u32,      // blocks of strata along edge u; 16 / blocks_u along edge v
+    pad: u32,
+}

@@ -1,0 +1,141 @@
+// Share: the visible part of a light at each pixel of the zone, weighed by what each part of the light adds there:
+//   share = sum_q w_q L_q v_q / (L sum_q w_q),   w_q = cos_s cos_l / d^2 at the middle of quarter q of a block [HHM18]
+// v_q is the part of the quarter's samples that is seen, or what the cell's neighbourhood agrees on. A channel each.
+// In     pixels: receivers and visible, as zone_rays listed them. cells: the cells' own answers.
+// Out    share: rgb
+
+import package::common::cells::{PLAN_SUBS_SHIFT, cell_corner, cell_place};
+import package::common::gbuffer::{SURFACE, floats};
+import package::common::grid::{Grid, item_index};
+import package::common::light::{Light, light_at, lights};
+import package::common::list_params::ListParams;
+import package::common::ray::Receiver;
+import package::common::receiver::INACTIVE;
+import package::common::strata::{BLOCKS, WORDS, asked_of_block};
+
+@group(0) @binding(30) var<uniform> grid: Grid;
+@group(0) @binding(0) var<uniform> params: ListParams;
+@group(0) @binding(1) var<storage, read> receivers: array<Receiver>;
+@group(0) @binding(2) var<storage, read> visible: array<u32>;
+@group(0) @binding(3) var<storage, read> listed_cells: array<u32>;
+@group(0) @binding(4) var<storage, read> cell_agreed: array<u32>;
+@group(0) @binding(5) var<storage, read> cell_plan: array<u32>;
+@group(0) @binding(6) var<storage, read> radiance_tiles: array<vec4f>;  // 64: mean radiance times area, row by row
+@group(0) @binding(7) var<storage, read_write> share: array<vec4f>;
+@group(0) @binding(8) var<storage, read> cell_bits: array<u32>;
+@group(0) @binding(9) var<storage, read> g_position: array<vec4u>;
+@group(0) @binding(10) var<storage, read> g_normal: array<vec4u>;
+
+// Strata of a quarter of a block, before the shift to it.
+const QUARTER: u32 = 0x33u;
+
+// What a pixel sees the light with: d(a, b) = corner + a u + b v, heights over its plane, scaled so that no power of d
+// leaves float32's range.
+struct Sight {
+    corner: vec3f,
+    u: vec3f,
+    v: vec3f,
+    heights: vec3f,
+}
+
+fn sight(light: Light, origin: vec3f, normal: vec3f) -> Sight {
+    let corner = light.corner - origin;
+    let reach = max(abs(corner), max(abs(light.edge_u), abs(light.edge_v)));
+    let scale = 1.0 / max(max(reach.x, max(reach.y, reach.z)), 1e-35);
+    let heights = vec3f(dot(normal, corner), dot(normal, light.edge_u), dot(normal, light.edge_v));
+    return Sight(corner * scale, light.edge_u * scale, light.edge_v * scale, heights * scale);
+}
+
+// cos_s / d^4: the cosine at the light times d is the same for all of its places.
+fn weight(s: Sight, ab: vec2f) -> f32 {
+    let d = s.corner + ab.x * s.u + ab.y * s.v;
+    let d2 = dot(d, d);
+    let height = s.heights.x + ab.x * s.heights.y + ab.y * s.heights.z;
+    return max(0.0, height) / max(d2 * d2, 1e-35);
+}
+
+// Sums over the quarters of a block; `seen` and `asked`: its 16 strata. `sums`: rgb of what is seen, and the weights.
+fn add_block(sums: vec4f, s: Sight, block: u32, seen: u32, asked: u32) -> vec4f {
+    let across = params.blocks_u;
+    let place = vec2u(block % across, block / across);
+    let cells = 2.0 * vec2f(f32(across), f32(BLOCKS / across));
+    var all = sums;
+    for (var q = 0u; q < 4u; q++) {
+        let quarter = vec2u(q & 1u, q >> 1u);
+        let own = QUARTER << (2u * quarter.x + 8u * quarter.y);
+        // With one sample a block, it speaks for all of its quarters.
+        let part = select(own, 0xffffu, (asked & own) == 0u);
+        let v = f32(countOneBits(seen & asked & part)) / max(f32(countOneBits(asked & part)), 1.0);
+        let at = 2u * place + quarter;
+        let w = weight(s, (vec2f(at) + 0.5) / cells);
+        all += vec4f(w * v * radiance_tiles[at.y * 2u * across + at.x].xyz, w);
+    }
+    return all;
+}
+
+// Relative to the mean radiance.
+fn relative(sums: vec4f, light: Light) -> vec4f {
+    let all = light.radiance * (light.area / 64.0) * sums.w;
+    let seen = select(vec3f(0.0), sums.xyz / max(all, vec3f(1e-35)), all > vec3f(0.0));
+    return vec4f(select(vec3f(1.0), seen, sums.w > 0.0), 1.0);
+}
+
+@compute @workgroup_size(64)
+fn pixels(
+    @builtin(workgroup_id) group: vec3u,
+    @builtin(num_workgroups) groups: vec3u,
+    @builtin(local_invocation_index) lane: u32,
+) {
+    let i = item_index(grid, group, groups, 64u, lane);
+    if i >= grid.end || receivers[i].pattern == INACTIVE {
+        return;
+    }
+    let at = receivers[i].pixel;
+    let pixel = vec2u(at % params.width, at / params.width);
+    let index = listed_cells[params.first + i / 4u];
+    let agreed = cell_agreed[index];
+    let subs = (cell_plan[index] >> PLAN_SUBS_SHIFT) & 31u;
+    let light = light_at(params.light);
+    let s = sight(light, receivers[i].origin, receivers[i].normal_shade);
+    var sums = vec4f(0.0);
+    for (var block = 0u; block < BLOCKS; block++) {
+        let word = (visible[i * WORDS + block / 2u] >> (16u * (block & 1u))) & 0xffffu;
+        let same = ((agreed >> block) & 1u) != 0u;
+        let all = select(0u, 0xffffu, ((agreed >> (16u + block)) & 1u) != 0u);
+        sums = add_block(sums, s, block, select(word, all, same), select(asked_of_block(subs, pixel, block), 0xffffu, same));
+    }
+    share[at] = relative(sums, light);
+}
+
+@compute @workgroup_size(64)
+fn cells(
+    @builtin(workgroup_id) group: vec3u,
+    @builtin(num_workgroups) groups: vec3u,
+    @builtin(local_invocation_index) lane: u32,
+) {
+    let i = item_index(grid, group, groups, 64u, lane);
+    if i >= grid.end {
+        return;
+    }
+    let index = listed_cells[params.first + i / 4u];
+    let pixel = cell_corner(cell_place(index, params.width), i % 4u);
+    let at = min(pixel.y, params.height - 1u) * params.width + min(pixel.x, params.width - 1u);
+    let normal = g_normal[at];
+    if pixel.x >= params.width || pixel.y >= params.height || normal.w != SURFACE {
+        return;
+    }
+    let agreed = cell_agreed[index];
+    // Blocks that no pixel of the cell could ask count as the neighbours say.
+    let bits = cell_bits[index];
+    let own = bits >> 16u;
+    let asked = own | (agreed & 0xffffu);
+    let seen = (bits & own) | ((agreed >> 16u) & ~own);
+    let light = light_at(params.light);
+    let s = sight(light, floats(g_position[at]), floats(normal));
+    var sums = vec4f(0.0);
+    for (var block = 0u; block < BLOCKS; block++) {
+        let all = select(0u, 0xffffu, ((seen >> block) & 1u) != 0u);
+        sums = add_block(sums, s, block, all, select(0u, 0xffffu, ((asked >> block) & 1u) != 0u));
+    }
+    share[at] = relative(sums, light);
+}

@@ -1,0 +1,291 @@
+//! Direct light where shadows decide what is worth a ray: exact unshadowed light at each pixel times the visible share of
+//! it, which is 1 or 0 without a ray where that can be proven, and asked finely only where it changes.
+
+use super::irradiance::{self, IrradianceWork};
+use super::{Direct, share, smooth_share};
+use crate::error::Result;
+use crate::gpu::{Buffer, Usage};
+use crate::passes::lights::light_samples::{self, LightSamples};
+use crate::passes::refine::light_bounds::{self, LightFrame, Tiles, flags};
+use crate::passes::refine::list_params::{Asked, CELL_PIXELS, WORDS};
+use crate::passes::refine::penumbra::{self, PenumbraParams};
+use crate::passes::refine::uniform_levels::Levels;
+use crate::passes::refine::zone::{self, Cells};
+use crate::passes::refine::{cell_rays, cells, compact, penumbra_rays, zone_rays};
+use crate::passes::visibility::shadow::ShadowLight;
+use crate::passes::{Context, GBuffer, TILE_PIXELS};
+use crate::scene::prepare::{LIGHT_ROWS, RADIANCE_ROW};
+
+/// Receivers of a piece: a few megabytes, and work enough for a GPU.
+const RECEIVERS: usize = 1 << 17;
+/// Bit of `cell_plan`: the cell lies in the zone. Twins of the bits in `shaders/common/cells.wgsl`.
+pub const PLAN_ZONE: u32 = 1;
+/// Bit of `cell_plan`: each of its pixels asks for itself.
+pub const PLAN_TRACED: u32 = 2;
+
+/// A list on the device, and its length on the host.
+struct List {
+    entries: Buffer<u32>,
+    count: usize,
+}
+
+/// Direct irradiance of every pixel, light by light, and the fragment maps.
+///
+/// # Errors
+/// Those of the device; `Cancelled`.
+pub fn record(context: &mut Context<'_, '_>, gbuffer: &GBuffer) -> Result<Direct> {
+    let pixels = context.view.pixels();
+    let irradiance = context.resources.buffer("direct_irradiance", pixels)?;
+    let pixel_lights: Buffer<u32> = context.resources.buffer("pixel_lights", pixels)?;
+    let active = context.resources.buffer("active_receivers", 1)?;
+    context.recorder.clear(&irradiance)?;
+    context.recorder.clear(&pixel_lights)?;
+    context.recorder.clear(&active)?;
+    let mut found = Found::default();
+    let mut levels = Levels::new(context, context.view.tiled as usize / TILE_PIXELS as usize)?;
+    for light in 0..context.prepared.lights {
+        let row = context.prepared.light_rows[light * LIGHT_ROWS + RADIANCE_ROW];
+        if row[..3].iter().all(|&channel| channel <= 0.0) {
+            continue;
+        }
+        let frame = LightFrame::of(context, light);
+        let tiles = light_bounds::record(context, gbuffer, &frame, light as u32, &pixel_lights, &active)?;
+        let work = Light::new(context, gbuffer, frame, tiles, light)?;
+        let share = work.visible_share(context, &mut found)?;
+        levels.add(context, gbuffer, &pixel_lights, &work.cells, !work.light.is_area())?;
+        work.shade(context, &share, &irradiance)?;
+    }
+    levels.finish(context, gbuffer, &pixel_lights)?;
+    let levels = Some([levels.level_map, levels.reason_map]);
+    Ok(Direct { irradiance, active, samples: 1, levels, empty: found.empty() })
+}
+
+/// What the lists of all lights held together.
+#[derive(Default)]
+struct Found {
+    open_tiles: usize,
+    zone_cells: usize,
+    traced_cells: usize,
+}
+
+impl Found {
+    /// Passes that had nothing to do.
+    fn empty(&self) -> Vec<(&'static str, &'static str)> {
+        let of = |count: usize, passes: &[&'static str], reason: &'static str| {
+            passes.iter().filter(|_| count == 0).map(|&pass| (pass, reason)).collect::<Vec<_>>()
+        };
+        let open = ["direct/cell_rays", "direct/cell_shadow", "direct/cells"];
+        let zone = ["direct/penumbra_rays", "direct/penumbra_trace", "direct/penumbra", "direct/share"];
+        let traced = ["direct/zone_rays", "direct/zone_shadow"];
+        let mut all = of(self.open_tiles, &open, "every tile is proven lit or dark");
+        all.extend(of(self.zone_cells, &zone, "there is no penumbra"));
+        all.extend(of(self.zone_cells, &["direct/smooth_share"], "there is no penumbra"));
+        all.extend(of(self.traced_cells, &traced, "no pixel lies in a narrow penumbra"));
+        all
+    }
+}
+
+/// One light at work.
+struct Light<'g> {
+    gbuffer: &'g GBuffer,
+    frame: LightFrame,
+    tiles: Tiles,
+    light: LightSamples,
+    radiance_tiles: Buffer<[f32; 4]>,
+    cells: Cells,
+    /// Shorter edge.
+    size: f32,
+}
+
+impl<'g> Light<'g> {
+    fn new(
+        context: &mut Context<'_, '_>,
+        gbuffer: &'g GBuffer,
+        frame: LightFrame,
+        tiles: Tiles,
+        light: usize,
+    ) -> Result<Self> {
+        let rows = &context.prepared.light_rows[light * LIGHT_ROWS..][..LIGHT_ROWS];
+        let length = |row: [f32; 4]| glam::Vec3::new(row[0], row[1], row[2]).length();
+        let size = length(rows[1]).min(length(rows[2]));
+        let (light, radiance_tiles) = light_samples::blocks(context, light)?;
+        let cells = Cells::new(context, tiles.count)?;
+        Ok(Self { gbuffer, frame, tiles, light, radiance_tiles, cells, size })
+    }
+
+    /// Which part of the light each pixel sees: `cells.state`, and in the zone the buffer that is returned.
+    fn visible_share(&self, context: &mut Context<'_, '_>, found: &mut Found) -> Result<Buffer<[f32; 4]>> {
+        if !context.settings.is("visibility", "none") {
+            let (frame, tiles) = (&self.frame, &self.tiles);
+            context.tracer.prove(
+                context.recorder,
+                "prove",
+                frame,
+                &tiles.bounds,
+                &tiles.flags,
+                self.gbuffer,
+                &context.view,
+            )?;
+            found.open_tiles += self.ask_open_tiles(context)?;
+        }
+        zone::record(context, &self.light, &self.tiles, &self.cells)?;
+        if !self.light.is_area() || context.settings.is("visibility", "none") {
+            return Ok(self.cells.share.clone());
+        }
+        let zone = self.list(context, "zone_cells", (&self.cells.plan, self.cells.count), PLAN_ZONE, PLAN_ZONE)?;
+        found.zone_cells += zone.count;
+        if zone.count == 0 {
+            return Ok(self.cells.share.clone());
+        }
+        self.plan_zone(context, &zone)?;
+        self.ask_zone(context, found)
+    }
+
+    /// Entries of `flags` whose bits in `mask` are `value`.
+    fn list(
+        &self,
+        context: &mut Context<'_, '_>,
+        name: &str,
+        (flags, items): (&Buffer<u32>, usize),
+        mask: u32,
+        value: u32,
+    ) -> Result<List> {
+        let entries = context.resources.buffer(name, items)?;
+        let arguments = context.resources.buffer_for("list_arguments", 4, Usage::Indirect)?;
+        compact::record(context, "compact", flags, items, mask, value, &entries, &arguments)?;
+        let count = context.recorder.host("compact", |gpu, _| Ok(gpu.view(&arguments, 3..4)?[0]))?;
+        Ok(List { entries, count: count as usize })
+    }
+
+    fn shadow_light(&self) -> ShadowLight<'_> {
+        ShadowLight {
+            points: &self.light.points,
+            strata: self.light.strata,
+            light_normal: self.light.normal.to_array(),
+            two_sided: self.light.two_sided,
+            cone_axis: self.light.normal.to_array(),
+            cos_cutoff: self.light.cos_cutoff,
+        }
+    }
+
+    /// Pieces of a list with `pixels` receivers an entry: `make` writes them and what they ask, `take` has the answers.
+    fn ask(
+        &self,
+        context: &mut Context<'_, '_>,
+        list: &List,
+        pixels: usize,
+        stage: &str,
+        make: impl Fn(&mut Context<'_, '_>, &Asked<'_>) -> Result<()>,
+        take: impl Fn(&mut Context<'_, '_>, &Asked<'_>) -> Result<()>,
+    ) -> Result<()> {
+        let len = RECEIVERS.min((list.count * pixels).next_power_of_two().max(64));
+        let receivers = context.resources.buffer("receivers", len)?;
+        let bits = context.resources.buffer("asked", len * if self.light.is_area() { WORDS } else { 1 })?;
+        for first in (0..list.count).step_by(len / pixels) {
+            let count = (list.count - first).min(len / pixels);
+            let piece = Asked {
+                gbuffer: self.gbuffer,
+                light: &self.light,
+                list: &list.entries,
+                first,
+                count,
+                receivers: &receivers,
+                bits: &bits,
+            };
+            make(context, &piece)?;
+            let (asked, tracer) = (self.shadow_light(), context.tracer);
+            context.rays +=
+                tracer.shadow_asked(context.recorder, stage, &receivers, &asked, &bits, 0..count * pixels)?;
+            take(context, &piece)?;
+        }
+        Ok(())
+    }
+
+    /// One answer a block of strata for each cell of the tiles of which nothing is proven.
+    fn ask_open_tiles(&self, context: &mut Context<'_, '_>) -> Result<usize> {
+        let mask = flags::FACING | flags::LIT | flags::DARK;
+        let open = self.list(context, "open_tiles", (&self.tiles.flags, self.tiles.count), mask, flags::FACING)?;
+        self.ask(
+            context,
+            &open,
+            TILE_PIXELS as usize,
+            "cell_shadow",
+            |context, piece| cell_rays::record(context, &self.frame, piece),
+            |context, piece| cells::record(context, piece, &self.cells),
+        )?;
+        Ok(open.count)
+    }
+
+    /// How wide the penumbra is at each cell of the zone, and what it does.
+    fn plan_zone(&self, context: &mut Context<'_, '_>, zone: &List) -> Result<()> {
+        let width: Buffer<f32> = context.resources.buffer("cell_width", self.cells.count)?;
+        context.recorder.clear(&width)?;
+        let len = RECEIVERS.min(zone.count.next_power_of_two());
+        let rays = context.resources.buffer("penumbra_rays", len)?;
+        let hits = context.resources.buffer("penumbra_hits", len)?;
+        for first in (0..zone.count).step_by(len) {
+            let count = (zone.count - first).min(len);
+            let list = (&zone.entries, first, count);
+            penumbra_rays::record(context, self.gbuffer, &self.light, &self.cells, list, &rays)?;
+            context.rays += context.tracer.closest(context.recorder, "penumbra_trace", &rays, &hits, 0..count)?;
+            let params = PenumbraParams::new(context, self.size, first);
+            penumbra::widths(context, self.gbuffer, &params, (&zone.entries, count), (&rays, &hits), &width)?;
+        }
+        let params = PenumbraParams::new(context, self.size, 0);
+        penumbra::plans(context, &params, (&zone.entries, zone.count), &width, &self.cells)
+    }
+
+    /// Asks, weighs and smooths.
+    fn ask_zone(&self, context: &mut Context<'_, '_>, found: &mut Found) -> Result<Buffer<[f32; 4]>> {
+        let plan = (&self.cells.plan, self.cells.count);
+        let both = PLAN_ZONE | PLAN_TRACED;
+        let traced = self.list(context, "traced_cells", plan, both, both)?;
+        found.traced_cells += traced.count;
+        let coarse = self.list(context, "coarse_cells", plan, both, PLAN_ZONE)?;
+        self.ask(
+            context,
+            &traced,
+            CELL_PIXELS,
+            "zone_shadow",
+            |context, piece| zone_rays::record(context, piece, &self.cells),
+            |context, piece| share::pixels(context, piece, &self.cells, &self.radiance_tiles),
+        )?;
+        let smooth = context.resources.buffer("smooth_share", context.view.pixels())?;
+        if coarse.count > 0 {
+            let unused = context.resources.buffer("receivers", 1)?;
+            let bits = context.resources.buffer("asked", 1)?;
+            let (gbuffer, light, list) = (self.gbuffer, &self.light, &coarse.entries);
+            let piece =
+                Asked { gbuffer, light, list, first: 0, count: coarse.count, receivers: &unused, bits: &bits };
+            share::cells(context, &piece, &self.cells, &self.radiance_tiles)?;
+        }
+        for (list, traced) in [(&traced, true), (&coarse, false)] {
+            if list.count > 0 {
+                let list = (&list.entries, list.count, traced);
+                smooth_share::record(context, self.gbuffer, &self.light, &self.cells, list, &smooth)?;
+            }
+        }
+        Ok(smooth)
+    }
+}
+
+impl Light<'_> {
+    /// Adds the light, pixel by pixel.
+    fn shade(
+        &self,
+        context: &mut Context<'_, '_>,
+        share: &Buffer<[f32; 4]>,
+        irradiance: &Buffer<[f32; 4]>,
+    ) -> Result<()> {
+        let work = IrradianceWork {
+            light: &self.light,
+            gbuffer: self.gbuffer,
+            tile_flags: &self.tiles.flags,
+            cell_state: &self.cells.state,
+            share,
+            radiance_tiles: &self.radiance_tiles,
+            irradiance,
+        };
+        irradiance::record(context, &work)
+    }
+}

@@ -1,0 +1,121 @@
+//! How wide the penumbra is at each cell of the zone, and what the cell does for that reason.
+
+use bytemuck::{Pod, Zeroable};
+
+use super::zone::Cells;
+use crate::error::Result;
+use crate::gpu::Buffer;
+use crate::passes::visibility::{Hit, Ray};
+use crate::passes::{Context, GBuffer};
+
+/// Penumbra widths, pixels, from which on a cell's own answers suffice, one stratum of each block, four of it; and below
+/// which nothing is averaged.
+const UNTRACED: f32 = 48.0;
+const ONE: f32 = 16.0;
+const FOUR: f32 = 0.0;
+const NARROW: f32 = 3.0;
+const WIDE: f32 = 16.0;
+
+/// Twin of `PenumbraParams` in `shaders/passes/refine/penumbra.wgsl`.
+#[repr(C)]
+#[derive(Debug, Clone, Copy, Pod, Zeroable)]
+pub struct PenumbraParams {
+    /// Internal columns.
+    pub width: u32,
+    /// Internal rows.
+    pub height: u32,
+    /// Entry of the list at which this piece begins.
+    pub first: u32,
+    /// Strata that a pixel may ask of a block.
+    pub most_subs: u32,
+    /// Shorter edge of the light.
+    pub light_size: f32,
+    /// Width from which on no pixel asks for itself.
+    pub untraced: f32,
+    /// Width from which on a pixel asks one stratum of a block.
+    pub one: f32,
+    /// Width from which on it asks four.
+    pub four: f32,
+    /// Width below which nothing is averaged.
+    pub narrow: f32,
+    /// Width from which on 5 × 5 pixels are averaged.
+    pub wide: f32,
+    /// Unused.
+    pub pad0: u32,
+    /// Unused.
+    pub pad1: u32,
+}
+
+impl PenumbraParams {
+    /// For a light whose shorter edge is `light_size`.
+    pub fn new(context: &Context<'_, '_>, light_size: f32, first: usize) -> Self {
+        let most_subs = match context.settings.int("light_samples") {
+            256.. => 16,
+            64.. => 4,
+            _ => 1,
+        };
+        let knob = |name: &str, value: f32| std::env::var(name).ok().and_then(|v| v.parse().ok()).unwrap_or(value);
+        Self {
+            width: context.view.width,
+            height: context.view.height,
+            first: first as u32,
+            most_subs,
+            light_size,
+            untraced: knob("MIP_UNTRACED", UNTRACED),
+            one: knob("MIP_ONE", ONE),
+            four: knob("MIP_FOUR", FOUR),
+            narrow: knob("MIP_NARROW", NARROW),
+            wide: knob("MIP_WIDE", WIDE),
+            ..Self::zeroed()
+        }
+    }
+}
+
+/// Widths of `count` cells from entry `first` of the list on.
+///
+/// # Errors
+/// Those of the device.
+pub fn widths(
+    context: &mut Context<'_, '_>,
+    gbuffer: &GBuffer,
+    params: &PenumbraParams,
+    list: (&Buffer<u32>, usize),
+    answers: (&Buffer<Ray>, &Buffer<Hit>),
+    cell_width: &Buffer<f32>,
+) -> Result<()> {
+    let kernel = context.kernel("refine/penumbra", "widths")?;
+    let view = context.view;
+    context
+        .recorder
+        .pass("penumbra", &kernel)
+        .uniform("params", params)
+        .uniform("view", &view)
+        .bind("rays", answers.0)
+        .bind("hits", answers.1)
+        .bind("zone_cells", list.0)
+        .bind("g_geometric", &gbuffer.geometric)
+        .bind("cell_width", cell_width)
+        .dispatch(list.1)
+}
+
+/// Plans of all cells of the list.
+///
+/// # Errors
+/// Those of the device.
+pub fn plans(
+    context: &mut Context<'_, '_>,
+    params: &PenumbraParams,
+    list: (&Buffer<u32>, usize),
+    cell_width: &Buffer<f32>,
+    cells: &Cells,
+) -> Result<()> {
+    let kernel = context.kernel("refine/penumbra", "plans")?;
+    context
+        .recorder
+        .pass("penumbra", &kernel)
+        .uniform("params", params)
+        .bind("zone_cells", list.0)
+        .bind("cell_width", cell_width)
+        .bind("cell_plan", &cells.plan)
+        .dispatch(list.1)
+}
