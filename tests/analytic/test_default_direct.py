@@ -169,9 +169,9 @@ def test_an_unlit_view_costs_no_ray_and_no_gather(renderer: ml.Renderer) -> None
     frame = renderer.render(scene, dark, DEFAULT)
     assert frame.surface_mask.all()
     assert frame.stats.light_evaluations == 0
-    assert shadow_rays(renderer, scene, dark) == 0
     assert not frame.direct.any()
     assert frame.fragments.total == 0
+    assert shadow_rays(renderer, scene, dark) == 0
     lit = renderer.render(scene, camera, DEFAULT)  # negative control
     assert lit.stats.light_evaluations > 0
     assert lit.direct.any()
