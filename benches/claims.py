@@ -113,7 +113,7 @@ def _row(
         row |= {key: times[key] for key in ("wall_ms", "total_ms", "stages", "frames")}
     if options.times and options.peer:
         if size < LARGE:
-            row["peer"] = Peer(scene, camera).time_to(row["relative_rmse"], reference, mask)
+            row["peer"] = Peer(scene, camera, options.sampler).time_to(row["relative_rmse"], reference, mask)
         else:
             brute = measure.frames(renderer, moving, camera, BRUTE)
             row["peer"] = {"ms": brute["wall_ms"], "bound": "=", "integrator": "brute-force"}
@@ -141,6 +141,15 @@ def broken(row: dict[str, Any], bounds: Bounds) -> list[str]:
     return failed
 
 
+def compare_sizes(row: dict[str, Any], earlier: list[dict[str, Any]]) -> None:
+    """More pixels must not mean as many fragments for each of them."""
+    bound = CLAIMS[row["scene"]].bounds.fragments_a_pixel
+    same = [r for r in earlier if (r["scene"], r["change"]) == (row["scene"], row["change"])]
+    for other in same if bound is not None else []:
+        if other["size"] < row["size"] and other["fragments_a_pixel"] <= row["fragments_a_pixel"]:
+            row["broken"].append(f"fragments_a_pixel not below {other['fragments_a_pixel']:.3f}")
+
+
 def _names(size: int, options: argparse.Namespace) -> list[str]:
     """What was asked for; else all at 256, and at larger sizes the rooms, by which speed is judged."""
     if options.only:
@@ -159,6 +168,7 @@ def _options() -> argparse.Namespace:
         "--each", nargs="*", default=[], metavar="CHANGE", help="a row more for each 'NAME=VALUE …' alone"
     )
     parser.add_argument("--adapter", default="auto")
+    parser.add_argument("--sampler", default="multijitter", help="Mitsuba's; its own default is independent")
     parser.add_argument("--reference-spp", type=int, default=0, help="0: as tests/claim_scenes.py says")
     parser.add_argument(
         "--no-peer", dest="peer", action="store_false", help="do not time Mitsuba or brute force"
@@ -181,7 +191,7 @@ def main() -> int:
     options = _options()
     warnings.simplefilter("ignore", ml.SoftwareAdapterWarning)
     np.seterr(all="ignore")
-    rows = []
+    rows: list[dict[str, Any]] = []
     with ml.Renderer(options.adapter) as renderer:
         load = os.getloadavg()[0]
         print(f"{renderer.adapter['name']}, {renderer.adapter['trace']} rays, load {load:.1f}")
@@ -189,7 +199,9 @@ def main() -> int:
         for size in options.sizes:
             for name in _names(size, options):
                 for change in ["", *options.each]:
-                    rows.append(_row(renderer, name, size, options, change))
+                    row = _row(renderer, name, size, options, change)
+                    compare_sizes(row, rows)
+                    rows.append(row)
                     print(claim_tables.line(rows[-1]), flush=True)
                     if options.stages and "stages" in rows[-1]:
                         print(claim_tables.stages(rows[-1]), flush=True)

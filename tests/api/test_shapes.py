@@ -191,8 +191,9 @@ def test_half_of_what_is_seen_is_behind_the_light() -> None:
 
 def test_pictures_for_lights() -> None:
     card, frame = shapes.color_card(24, 32), shapes.video_frame(48, 64, peak=60.0)
-    assert (card.shape, card.dtype) == ((24, 32, 3), np.float32)
-    assert (frame.shape, frame.dtype) == ((48, 64, 3), np.float32)
+    assert card.shape == (24, 32, 3)
+    assert frame.shape == (48, 64, 3)
+    assert card.dtype == frame.dtype == np.float32
     turned = [card[::-1], card[:, ::-1], card[::-1, ::-1]]
     assert all(np.abs(card - other).mean() > 0.2 * card.mean() for other in turned)
     square = shapes.color_card(16, 16)
