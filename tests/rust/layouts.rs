@@ -52,21 +52,11 @@ fn twins() -> Vec<(Layout, &'static str, &'static str)> {
 
 /// Those of the passes that decide what is worth a ray.
 fn adaptive() -> Vec<(Layout, &'static str, &'static str)> {
-    let frame = host_layout!(LightFrame {
-        corner,
-        extent_a,
-        dual_u,
-        extent_b,
-        dual_v,
-        two_sided,
-        normal,
-        cos_cutoff
-    });
+    let frame = host_layout!(LightFrame { corner, extent_a, dual_u, extent_b, dual_v, two_sided, normal, cos_cutoff });
     let bounds = host_layout!(TileBounds { lo, facing, hi, pad });
     let list = host_layout!(ListParams { width, height, light, patterns, seed, first, blocks_u, pad });
     let light_bounds = host_layout!(LightBoundsParams { width, height, light, unshadowed });
-    let levels =
-        host_layout!(UniformLevelsParams { width, height, slot, coarsest, own_pixels, again, pad0, pad1 });
+    let levels = host_layout!(UniformLevelsParams { width, height, slot, coarsest, own_pixels, again, last, pad });
     let penumbra = host_layout!(PenumbraParams {
         width,
         height,

@@ -11,6 +11,7 @@ use miplight::gpu::{Gpu, Usage, never};
 use miplight::passes::visibility::shadow::ShadowLight;
 use miplight::passes::visibility::trace::{Form, Tracer};
 use miplight::passes::visibility::trace_native::{Hit, Ray, Receiver, TraceInstance};
+use std::ops::Range;
 use std::sync::OnceLock;
 use trace_common::{Mesh, Object, Random, brute_force, cube, grid, instances, places, ray, soup, sphere};
 
@@ -240,9 +241,17 @@ fn receivers(count: usize, patterns: u32, random: &mut Random) -> Vec<Receiver> 
         .collect()
 }
 
-/// Bits of all receivers, and the number of rays.
-fn shadow(tracer: &Tracer, receivers: &[Receiver], points: &[[f32; 4]], strata: u32, cone: bool) -> (Vec<u32>, u64) {
+/// Bits of all receivers, and the number of rays: of all samples, or of those that `asked` names, for the receivers of
+/// `range`.
+fn shadow_bits(
+    tracer: &Tracer,
+    receivers: &[Receiver],
+    samples: (&[[f32; 4]], u32, bool),
+    asked: Option<&[u32]>,
+    range: Range<usize>,
+) -> (Vec<u32>, u64) {
     let gpu = device();
+    let (points, strata, cone) = samples;
     let list = gpu.upload("receivers", receivers).unwrap();
     let points = gpu.upload("points", points).unwrap();
     let light = ShadowLight {
@@ -253,12 +262,58 @@ fn shadow(tracer: &Tracer, receivers: &[Receiver], points: &[[f32; 4]], strata: 
         cone_axis: [0.0, -1.0, 0.0],
         cos_cutoff: if cone { 0.6 } else { -2.0 },
     };
-    let bits = gpu.upload("visibility", &vec![u32::MAX; receivers.len() * light.words()]).unwrap();
+    let all = vec![u32::MAX; receivers.len() * light.words()];
+    let bits = gpu.upload("visibility", asked.unwrap_or(&all)).unwrap();
     let mut recorder = gpu.record(never()).unwrap();
-    let mut rays = tracer.shadow(&mut recorder, "shadow", &list, &light, &bits, 0..receivers.len()).unwrap();
+    let mut rays = match asked {
+        None => tracer.shadow(&mut recorder, "shadow", &list, &light, &bits, range).unwrap(),
+        Some(_) => tracer.shadow_asked(&mut recorder, "shadow", &list, &light, &bits, range).unwrap(),
+    };
     recorder.finish().unwrap();
     rays += tracer.device_rays(gpu).unwrap();
     (gpu.read(&bits).unwrap(), rays)
+}
+
+/// All samples of all receivers.
+fn shadow(tracer: &Tracer, receivers: &[Receiver], points: &[[f32; 4]], strata: u32, cone: bool) -> (Vec<u32>, u64) {
+    shadow_bits(tracer, receivers, (points, strata, cone), None, 0..receivers.len())
+}
+
+#[test]
+fn asked_samples_get_the_bits_of_all_samples() {
+    let mut random = Random::new(8);
+    let objects = objects(&mut random);
+    for form in [Form::Native, Form::Wgsl] {
+        let (tracer, alone) = (tracer(form, &objects), tracer(form, &[]));
+        for (strata, cone) in [(1, true), (16, true), (33, false), (256, true)] {
+            let points: Vec<[f32; 4]> =
+                (0..5 * strata).map(|_| [random.range(-1.0, 1.0), 4.5, random.range(-1.0, 1.0), 0.999]).collect();
+            let receivers = receivers(400, 5, &mut random);
+            let (seen, _) = shadow(&tracer, &receivers, &points, strata, cone);
+            let (faces, _) = shadow(&alone, &receivers, &points, strata, cone);
+            let asked: Vec<u32> = seen.iter().map(|_| random.bits() & random.bits()).collect();
+            let words = seen.len() / receivers.len();
+            let live = |at: usize| {
+                let left = strata - 32 * (at % words) as u32;
+                if receivers[at / words].pattern < 5 { u32::MAX >> (32 - left.min(32)) } else { 0 }
+            };
+            // The receivers before 64 and from 333 on are not of the range.
+            let range = 64..333;
+            let right = |at: usize| {
+                let inside = range.contains(&(at / words));
+                if inside { asked[at] & live(at) & (seen[at] | !faces[at]) } else { asked[at] }
+            };
+            let right: Vec<u32> = (0..asked.len()).map(right).collect();
+            let samples = (points.as_slice(), strata, cone);
+            let (bits, rays) = shadow_bits(&tracer, &receivers, samples, Some(&asked), range.clone());
+            assert!(bits == right, "{form:?}, {strata} strata");
+            let inside = range.start * words..range.end * words;
+            let facing: u32 = inside.map(|at| (asked[at] & faces[at]).count_ones()).sum();
+            assert_eq!(rays, u64::from(facing));
+            assert!(strata == 1 || bits != asked, "something is hidden");
+            assert!(facing > 0);
+        }
+    }
 }
 
 #[test]
@@ -296,9 +351,7 @@ fn moving_an_instance_sends_the_top_level_only() {
     let at = |x: f32| TraceInstance::new(Affine3A::from_translation(Vec3::new(x, 0.0, -5.0)), mesh.clone());
     let mut tracer = Tracer::with_form(gpu, Form::Wgsl).unwrap();
     assert_eq!(tracer.set_scene(gpu, vec![at(0.0), at(3.0)]).unwrap(), ["meshes", "top level"]);
-    let before = gpu.allocated_bytes();
     assert_eq!(tracer.set_scene(gpu, vec![at(0.5), at(3.0)]).unwrap(), ["top level"]);
-    assert_eq!(gpu.allocated_bytes(), before);
     let forward = [ray(Vec3::ZERO, Vec3::NEG_Z), ray(Vec3::new(1.7, 0.0, 0.0), Vec3::NEG_Z)];
     let hits = answers(&tracer, &forward).0;
     assert!(hits[0].is_hit() && !hits[1].is_hit());
@@ -308,6 +361,19 @@ fn moving_an_instance_sends_the_top_level_only() {
     assert!(answers(&tracer, &forward).0.iter().all(|h| !h.is_hit()), "an empty scene is all misses");
     let other = TraceInstance::new(Affine3A::IDENTITY, open_square().blas());
     assert!(tracer.set_scene(gpu, vec![other]).unwrap().contains(&"meshes"));
+}
+
+#[test]
+fn moving_an_instance_allocates_nothing() {
+    // On a device of its own: the other tests allocate meanwhile.
+    let gpu = Gpu::new("auto").unwrap();
+    let mesh = sphere(3, 0.1).blas();
+    let at = |x: f32| TraceInstance::new(Affine3A::from_translation(Vec3::new(x, 0.0, -5.0)), mesh.clone());
+    let mut tracer = Tracer::with_form(&gpu, Form::Wgsl).unwrap();
+    tracer.set_scene(&gpu, vec![at(0.0), at(3.0)]).unwrap();
+    let before = gpu.allocated_bytes();
+    tracer.set_scene(&gpu, vec![at(0.5), at(3.0)]).unwrap();
+    assert_eq!(gpu.allocated_bytes(), before);
 }
 
 #[test]

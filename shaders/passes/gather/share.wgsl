@@ -1,8 +1,10 @@
 // Share: the visible part of a light at each pixel of the zone, weighed by what each part of the light adds there:
-//   share = sum_q w_q L_q v_q / (L sum_q w_q),   w_q = cos_s cos_l / d^2 at the middle of quarter q of a block [HHM18]
+//   share = sum_q w_q L_q v_q / sum_q w_q L_q,   w_q = cos_s cos_l / d^2 at the middle of quarter q of a block [HHM18]
 // v_q is the part of the quarter's samples that is seen, or what the cell's neighbourhood agrees on. A channel each.
+// Beside it stands how far from the truth it may be: the standard error of stratified samples, from the blocks of which
+// a part is seen.
 // In     pixels: receivers and visible, as zone_rays listed them. cells: the cells' own answers.
-// Out    share: rgb
+// Out    share: rgb, standard error
 
 import package::common::cells::{PLAN_SUBS_SHIFT, cell_corner, cell_place};
 import package::common::gbuffer::{SURFACE, floats};
@@ -11,7 +13,7 @@ import package::common::light::{Light, light_at, lights};
 import package::common::list_params::ListParams;
 import package::common::ray::Receiver;
 import package::common::receiver::INACTIVE;
-import package::common::strata::{BLOCKS, WORDS, asked_of_block};
+import package::common::strata::{BLOCKS, WORDS, asked_by_plan};
 
 @group(0) @binding(30) var<uniform> grid: Grid;
 @group(0) @binding(0) var<uniform> params: ListParams;
@@ -54,12 +56,23 @@ fn weight(s: Sight, ab: vec2f) -> f32 {
     return max(0.0, height) / max(d2 * d2, 1e-35);
 }
 
-// Sums over the quarters of a block; `seen` and `asked`: its 16 strata. `sums`: rgb of what is seen, and the weights.
-fn add_block(sums: vec4f, s: Sight, block: u32, seen: u32, asked: u32) -> vec4f {
+struct Sums {
+    seen: vec3f,        // w L v
+    weights: f32,
+    all: vec3f,         // w L
+    variance: f32,      // of the visible part, times the square of the weights
+}
+
+// Variance of one yes-or-no answer, when there is but one and a shadow's edge is near.
+const ONE_ANSWER: f32 = 0.17;
+
+// Adds the quarters of a block; `seen` and `asked`: its 16 strata.
+fn add_block(sums: Sums, s: Sight, block: u32, seen: u32, asked: u32) -> Sums {
     let across = params.blocks_u;
     let place = vec2u(block % across, block / across);
     let cells = 2.0 * vec2f(f32(across), f32(BLOCKS / across));
     var all = sums;
+    var block_weight = 0.0;
     for (var q = 0u; q < 4u; q++) {
         let quarter = vec2u(q & 1u, q >> 1u);
         let own = QUARTER << (2u * quarter.x + 8u * quarter.y);
@@ -67,17 +80,25 @@ fn add_block(sums: vec4f, s: Sight, block: u32, seen: u32, asked: u32) -> vec4f 
         let part = select(own, 0xffffu, (asked & own) == 0u);
         let v = f32(countOneBits(seen & asked & part)) / max(f32(countOneBits(asked & part)), 1.0);
         let at = 2u * place + quarter;
-        let w = weight(s, (vec2f(at) + 0.5) / cells);
-        all += vec4f(w * v * radiance_tiles[at.y * 2u * across + at.x].xyz, w);
+        // What nobody asked does not count.
+        let w = select(0.0, weight(s, (vec2f(at) + 0.5) / cells), asked != 0u);
+        let radiance = radiance_tiles[at.y * 2u * across + at.x].xyz;
+        all.seen += w * v * radiance;
+        all.all += w * radiance;
+        block_weight += w;
     }
+    let n = f32(countOneBits(asked));
+    let v = f32(countOneBits(seen & asked)) / max(n, 1.0);
+    let variance = select(v * (1.0 - v) / max(n - 1.0, 1.0), ONE_ANSWER, n == 1.0);
+    all.weights += block_weight;
+    all.variance += block_weight * block_weight * variance;
     return all;
 }
 
-// Relative to the mean radiance.
-fn relative(sums: vec4f, light: Light) -> vec4f {
-    let all = light.radiance * (light.area / 64.0) * sums.w;
-    let seen = select(vec3f(0.0), sums.xyz / max(all, vec3f(1e-35)), all > vec3f(0.0));
-    return vec4f(select(vec3f(1.0), seen, sums.w > 0.0), 1.0);
+// 1 where nothing could be seen of a channel.
+fn share_of(sums: Sums) -> vec4f {
+    let seen = select(vec3f(1.0), sums.seen / max(sums.all, vec3f(1e-35)), sums.all > vec3f(0.0));
+    return vec4f(seen, sqrt(sums.variance) / max(sums.weights, 1e-35));
 }
 
 @compute @workgroup_size(64)
@@ -97,14 +118,14 @@ fn pixels(
     let subs = (cell_plan[index] >> PLAN_SUBS_SHIFT) & 31u;
     let light = light_at(params.light);
     let s = sight(light, receivers[i].origin, receivers[i].normal_shade);
-    var sums = vec4f(0.0);
+    var sums: Sums;
     for (var block = 0u; block < BLOCKS; block++) {
         let word = (visible[i * WORDS + block / 2u] >> (16u * (block & 1u))) & 0xffffu;
         let same = ((agreed >> block) & 1u) != 0u;
         let all = select(0u, 0xffffu, ((agreed >> (16u + block)) & 1u) != 0u);
-        sums = add_block(sums, s, block, select(word, all, same), select(asked_of_block(subs, pixel, block), 0xffffu, same));
+        sums = add_block(sums, s, block, select(word, all, same), select(asked_by_plan(agreed, subs, pixel, block), 0xffffu, same));
     }
-    share[at] = relative(sums, light);
+    share[at] = share_of(sums);
 }
 
 @compute @workgroup_size(64)
@@ -129,13 +150,14 @@ fn cells(
     let bits = cell_bits[index];
     let own = bits >> 16u;
     let asked = own | (agreed & 0xffffu);
-    let seen = (bits & own) | ((agreed >> 16u) & ~own);
+    let seen = (bits & own) | ((agreed >> 16u) & agreed & ~own);
     let light = light_at(params.light);
     let s = sight(light, floats(g_position[at]), floats(normal));
-    var sums = vec4f(0.0);
+    var sums: Sums;
     for (var block = 0u; block < BLOCKS; block++) {
         let all = select(0u, 0xffffu, ((seen >> block) & 1u) != 0u);
-        sums = add_block(sums, s, block, all, select(0u, 0xffffu, ((asked >> block) & 1u) != 0u));
+        let same = ((agreed >> block) & 1u) != 0u;
+        sums = add_block(sums, s, block, all, select(select(0u, 1u, ((asked >> block) & 1u) != 0u), 0xffffu, same));
     }
-    share[at] = relative(sums, light);
+    share[at] = share_of(sums);
 }

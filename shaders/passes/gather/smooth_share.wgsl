@@ -19,6 +19,9 @@ import package::common::ray::MISS;
 @group(0) @binding(6) var<storage, read> share: array<vec4f>;
 @group(0) @binding(7) var<storage, read_write> smooth_share: array<vec4f>;
 
+// Standard errors by which a share may change.
+const TRUST: f32 = 2.0;
+
 struct Place {
     position: vec3f,
     normal: vec3f,
@@ -40,8 +43,9 @@ fn same_surface(here: Place, at: u32) -> f32 {
 // A neighbour's share; w: 0 where it has none.
 fn share_at(pixel: vec2u) -> vec4f {
     let state = cell_state[cell_in_image(pixel / 2u, params.width)];
-    let known = select(vec4f(1.0), vec4f(0.0, 0.0, 0.0, 1.0), state == STATE_DARK);
-    return select(select(known, share[index_of(pixel)], state == STATE_ZONE), vec4f(0.0), state == STATE_NONE);
+    let known = select(vec3f(1.0), vec3f(0.0), state == STATE_DARK);
+    let value = select(known, share[index_of(pixel)].xyz, state == STATE_ZONE);
+    return vec4f(value, select(1.0, 0.0, state == STATE_NONE));
 }
 
 fn tap(here: Place, center: vec2u, offset: vec2i, weight: f32) -> vec4f {
@@ -72,8 +76,13 @@ fn place_at(at: u32) -> Place {
     return Place(floats(g_position[at]), floats(g_geometric[at]));
 }
 
+// The average, but no farther from the pixel's own share than chance could have taken that.
 fn finish(sum: vec4f, at: u32) {
-    smooth_share[at] = select(share[at], vec4f(sum.xyz / max(sum.w, 1e-30), 1.0), sum.w > 0.0);
+    let own = share[at];
+    let average = sum.xyz / max(sum.w, 1e-30);
+    let reach = vec3f(TRUST * own.w);
+    let kept = clamp(average, own.xyz - reach, own.xyz + reach);
+    smooth_share[at] = vec4f(select(own.xyz, kept, sum.w > 0.0), own.w);
 }
 
 @compute @workgroup_size(64)

@@ -17,8 +17,8 @@ struct UniformLevelsParams {
     coarsest: u32,
     own_pixels: u32,    // the light's zone is shaded pixel by pixel
     again: u32,         // the levels of other lights are there already
-    pad0: u32,
-    pad1: u32,
+    last: u32,          // no other lights follow
+    pad: u32,
 }
 
 @group(0) @binding(30) var<uniform> grid: Grid;
@@ -146,6 +146,10 @@ fn map(
     let away = select(BEHIND_LIGHT, FACING_AWAY, (lights & AWAY) != 0u);
     let shaded_why = select(VISIBILITY, COARSEST, level == params.coarsest);
     let culled = (lights & FACED) == 0u;
+    if params.last == 0u {
+        level_map[i] = level;
+        return;
+    }
     let level_seen = select(level, CULLED, kind != SURFACE || culled);
     let why = select(select(EMITTER, away, kind == SURFACE), shaded_why, kind == SURFACE && !culled);
     level_map[i] = select(level_seen, UNSEEN, kind == NOTHING);

@@ -1,8 +1,9 @@
 // Zone: which cells are lit, which are dark, and which lie in or beside a penumbra. A block of strata on which a cell and
 // its eight neighbours agree is not asked again [NPW10: incremental visibility]; where they agree on all of them to the
 // same answer there is no shadow's edge.
-// In     tile_flags, cell_bits. Out: cell_state (image order), cell_agreed (low half: blocks agreed on, high half: to
-//        what), cell_plan (PLAN_ZONE where the cell lies in the zone)
+// In     tile_flags, cell_bits, cell_surface. Out: cell_state (image order), cell_agreed (low half: blocks agreed on, high
+//        half: to what, or of the others: those that lie beside, of which one answer is enough), cell_plan (PLAN_ZONE
+//        where the cell lies in the zone)
 
 import package::common::cells::{FLAT, LEAST_COSINE, PLAN_ZONE, STATE_DARK, STATE_LIT, STATE_NONE, STATE_ZONE, TILE_CELLS, cell_in_image, cell_index, cell_place};
 import package::common::grid::{Grid, item_index};
@@ -39,7 +40,7 @@ struct Votes {
     alike: u32,     // cells on the same surface
 }
 
-// Whether two cells of open tiles lie on one surface; what is proven needs none.
+// Whether two cells of open tiles lie on one surface: others have none.
 fn same_surface(a: u32, b: u32) -> bool {
     let here = cell_surface[2u * a];
     let there = cell_surface[2u * b];
@@ -61,8 +62,9 @@ fn neighbours(place: vec2u, own: u32) -> Votes {
             let bits = bits_of(index);
             votes.seen |= bits & ALL;
             votes.hidden |= (bits >> 16u) & ~bits & ALL;
-            let proven = (tile_flags[index / TILE_CELLS] & (LIT | DARK)) != 0u;
-            votes.alike += select(0u, 1u, proven || same_surface(own, index));
+            let known = tile_flags[index / TILE_CELLS] & (FACING | LIT | DARK);
+            let alike = known > FACING || (known == FACING && same_surface(own, index));
+            votes.alike += select(0u, 1u, alike);
         }
     }
     return votes;
@@ -104,8 +106,9 @@ fn main(
     if all(place < cells) {
         cell_state[cell_in_image(place, params.width)] = state;
     }
-    let sure = select(0u, ALL & ~with_beside(ALL & ~agreed), votes.alike >= ENOUGH);
-    cell_agreed[i] = sure | ((votes.seen & sure) << 16u);
+    let voted = select(0u, agreed, votes.alike >= ENOUGH);
+    let sure = voted & ~with_beside(ALL & ~voted);
+    cell_agreed[i] = sure | (((votes.seen & sure) | (voted & ~sure)) << 16u);
     cell_plan[i] = select(0u, PLAN_ZONE, state == STATE_ZONE && all(place < cells));
 }
 

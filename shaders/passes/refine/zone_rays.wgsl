@@ -8,7 +8,7 @@ import package::common::grid::{Grid, item_index};
 import package::common::list_params::ListParams;
 import package::common::ray::Receiver;
 import package::common::receiver::{inactive_receiver, pattern_of, receiver_of};
-import package::common::strata::{WORDS, asked_of_block};
+import package::common::strata::{WORDS, asked_by_plan};
 
 @group(0) @binding(30) var<uniform> grid: Grid;
 @group(0) @binding(0) var<uniform> params: ListParams;
@@ -45,8 +45,8 @@ fn main(
     let agreed = cell_agreed[index];
     let subs = (cell_plan[index] >> PLAN_SUBS_SHIFT) & 31u;
     for (var word = 0u; word < WORDS; word++) {
-        let low = select(asked_of_block(subs, pixel, 2u * word), 0u, ((agreed >> (2u * word)) & 1u) != 0u);
-        let high = select(asked_of_block(subs, pixel, 2u * word + 1u), 0u, ((agreed >> (2u * word + 1u)) & 1u) != 0u);
+        let low = asked_by_plan(agreed, subs, pixel, 2u * word);
+        let high = asked_by_plan(agreed, subs, pixel, 2u * word + 1u);
         asked[i * WORDS + word] = low | (high << 16u);
     }
 }

@@ -255,8 +255,7 @@ impl<'g> Light<'g> {
             let unused = context.resources.buffer("receivers", 1)?;
             let bits = context.resources.buffer("asked", 1)?;
             let (gbuffer, light, list) = (self.gbuffer, &self.light, &coarse.entries);
-            let piece =
-                Asked { gbuffer, light, list, first: 0, count: coarse.count, receivers: &unused, bits: &bits };
+            let piece = Asked { gbuffer, light, list, first: 0, count: coarse.count, receivers: &unused, bits: &bits };
             share::cells(context, &piece, &self.cells, &self.radiance_tiles)?;
         }
         for (list, traced) in [(&traced, true), (&coarse, false)] {

@@ -27,10 +27,10 @@ pub struct UniformLevelsParams {
     pub own_pixels: u32,
     /// 1: the levels of other lights are there already.
     pub again: u32,
+    /// 1: no other lights follow.
+    pub last: u32,
     /// Unused.
-    pub pad0: u32,
-    /// Unused.
-    pub pad1: u32,
+    pub pad: u32,
 }
 
 /// What becomes the fragment maps.
@@ -49,11 +49,14 @@ fn params(context: &Context<'_, '_>, levels: &Levels) -> UniformLevelsParams {
         width: context.view.width,
         height: context.view.height,
         slot: (levels.lights % LIGHTS) as u32,
-        coarsest: match context.settings.int("coarsest_level") { 0 => 5, l => l },
+        coarsest: match context.settings.int("coarsest_level") {
+            0 => 5,
+            l => l,
+        },
         own_pixels: 0,
         again: (levels.lights > LIGHTS).into(),
-        pad0: 0,
-        pad1: 0,
+        last: 1,
+        pad: 0,
     }
 }
 
@@ -87,7 +90,7 @@ impl Levels {
         own_pixels: bool,
     ) -> Result<()> {
         if self.lights > 0 && self.lights.is_multiple_of(LIGHTS) {
-            self.finish(context, gbuffer, pixel_lights)?;
+            self.maps(context, gbuffer, pixel_lights, 0)?;
             context.recorder.clear(&self.words)?;
         }
         let params = UniformLevelsParams { own_pixels: own_pixels.into(), ..params(context, self) };
@@ -104,13 +107,18 @@ impl Levels {
     ///
     /// # Errors
     /// Those of the device.
-    pub fn finish(
+    pub fn finish(&self, context: &mut Context<'_, '_>, gbuffer: &GBuffer, pixel_lights: &Buffer<u32>) -> Result<()> {
+        self.maps(context, gbuffer, pixel_lights, 1)
+    }
+
+    fn maps(
         &self,
         context: &mut Context<'_, '_>,
         gbuffer: &GBuffer,
         pixel_lights: &Buffer<u32>,
+        last: u32,
     ) -> Result<()> {
-        let params = params(context, self);
+        let params = UniformLevelsParams { last, ..params(context, self) };
         let tiles = self.words.len() / TILE_CELLS;
         let tile_word: Buffer<u32> = context.resources.buffer("tile_word", tiles)?;
         let tile_level: Buffer<u32> = context.resources.buffer("tile_level", tiles)?;

@@ -217,4 +217,28 @@ impl TraceScene {
         assert_eq!(table.points.len() % table.strata as usize, 0, "whole patterns");
         dispatch::shadow(self, receivers, table, bits, cancel)
     }
+
+    /// As [`TraceScene::shadow`] for some samples only, with the same answers; returns the number of rays traced.
+    ///
+    /// On entry bit `k` says that stratum `k` is asked. It stays when nothing hides the sample, and also when the sample
+    /// does not face the surface or the light does not emit towards it: such a sample is not traced. It is cleared when
+    /// the sample is hidden, or faces and can not be traced (`w <= 0`, not finite). An inactive receiver gets no bit.
+    /// Quickest when runs of 64 receivers, from a multiple of 64 on, lie close together, and those of 4 closest.
+    ///
+    /// # Panics
+    /// When `bits` has the wrong length, or `points` is no whole number of patterns.
+    pub fn shadow_asked(
+        &self,
+        receivers: &[Receiver],
+        table: &SampleTable,
+        bits: &mut [u32],
+        cancel: &AtomicBool,
+    ) -> u64 {
+        assert_eq!(bits.len(), receivers.len() * table.words(), "one bit per sample");
+        if table.strata == 0 {
+            return 0;
+        }
+        assert_eq!(table.points.len() % table.strata as usize, 0, "whole patterns");
+        dispatch::shadow_asked(self, receivers, table, bits, cancel)
+    }
 }

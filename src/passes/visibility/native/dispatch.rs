@@ -1,5 +1,6 @@
 //! Choice of the instruction set, and the split of the work over the cores.
 use super::super::trace_native::{Hit, Ray, Receiver, SampleTable, SimdWidth, TraceScene};
+use super::asked;
 use super::packet::Scratch;
 use super::rays::Bundle;
 use super::scene::trace;
@@ -111,6 +112,17 @@ macro_rules! entry {
             ) -> u64 {
                 shadow::shadow::<$isa>(scene, receivers, table, columns, bits, scratch)
             }
+            #[target_feature(enable = $features)]
+            pub(super) fn shadow_asked(
+                scene: &TraceScene,
+                receivers: &[Receiver],
+                table: &SampleTable,
+                columns: &Columns,
+                bits: &mut [u32],
+                scratch: &mut Scratch,
+            ) -> u64 {
+                asked::shadow_asked::<$isa>(scene, receivers, table, columns, bits, scratch)
+            }
         }
     };
 }
@@ -183,6 +195,33 @@ pub(crate) fn shadow(
                 return 0;
             }
             run!(scene, shadow, shadow::shadow::<Portable>, (scene, receivers, table, &columns, bits, scratch))
+        },
+    );
+    traced.sum()
+}
+
+/// See [`TraceScene::shadow_asked`].
+pub(crate) fn shadow_asked(
+    scene: &TraceScene,
+    receivers: &[Receiver],
+    table: &SampleTable,
+    bits: &mut [u32],
+    cancel: &AtomicBool,
+) -> u64 {
+    let columns = Columns::new(table, packet_lanes(scene.width));
+    let chunks = receivers.par_chunks(asked::RUN).zip(bits.par_chunks_mut(asked::RUN * table.words()));
+    let traced = chunks.map_init(
+        || scratch(scene),
+        |scratch, (receivers, bits)| {
+            if cancel.load(Ordering::Relaxed) {
+                return 0;
+            }
+            run!(
+                scene,
+                shadow_asked,
+                asked::shadow_asked::<Portable>,
+                (scene, receivers, table, &columns, bits, scratch)
+            )
         },
     );
     traced.sum()

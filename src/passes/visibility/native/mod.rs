@@ -1,4 +1,5 @@
 //! Parts of the native trace.
+mod asked;
 pub(super) mod dispatch;
 pub(super) mod instance;
 mod packet;

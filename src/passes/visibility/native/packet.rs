@@ -17,10 +17,19 @@ pub(crate) struct Entered<'a> {
     pub(crate) instance: u32,
 }
 
-/// Where a group of rays enters an instance: a few subtrees as the children of a made-up node.
-pub(crate) struct Portal {
-    pub(crate) instance: u32,
-    pub(crate) node: Node8,
+/// Where a group of rays enters the instances: a few subtrees of each as the children of made-up nodes.
+#[derive(Default)]
+pub(crate) struct Portals {
+    pub(crate) nodes: Vec<Node8>,
+    /// Instance, and the end of its nodes, which begin where those before end.
+    pub(crate) instances: Vec<(u32, usize)>,
+}
+
+impl Portals {
+    /// True when nothing can be reached.
+    pub(crate) fn is_empty(&self) -> bool {
+        self.instances.is_empty()
+    }
 }
 
 /// What the rays of a packet know so far.
@@ -123,7 +132,9 @@ pub(crate) struct Scratch {
     pub(crate) scene: Stack,
     pub(crate) packet: Stack,
     pub(crate) single: Vec<single::Entry>,
-    pub(crate) portals: Vec<Portal>,
+    pub(crate) portals: Portals,
+    /// Samples to trace, by their bits.
+    pub(crate) todo: Vec<u32>,
 }
 
 impl Scratch {
@@ -133,7 +144,8 @@ impl Scratch {
             scene: Stack::new(scene_depth),
             packet: Stack::new(depth),
             single: vec![single::Entry::IDLE; 8 * depth + 8],
-            portals: Vec::new(),
+            portals: Portals::default(),
+            todo: Vec::new(),
         }
     }
 }

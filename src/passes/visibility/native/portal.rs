@@ -3,7 +3,7 @@
 //! A receiver asks for hundreds of samples of one light. The shaft around all of them is taken through the trees once;
 //! what is left is often nothing (no occluder near), and otherwise a short list from which every packet starts.
 use super::super::trace_native::TraceScene;
-use super::packet::Portal;
+use super::packet::Portals;
 use super::scene::{Group, enter_shaft};
 use super::shaft::Shaft;
 use super::simd::{Isa, set_lanes};
@@ -12,21 +12,21 @@ use crate::scene::bvh::{Blas, Child, Node8};
 /// Nodes that are opened per instance at most.
 const OPENED: usize = 12;
 
-/// Appends a child of `from` to a list of made-up nodes.
-fn keep(portals: &mut Vec<Portal>, first: usize, instance: u32, from: &Node8, slot: usize) {
-    if portals.len() == first || portals.last().is_some_and(|p| p.node.count == 8) {
-        portals.push(Portal { instance, node: Node8::EMPTY });
+/// Appends a child of `from` to the made-up nodes from `first` on.
+fn keep(nodes: &mut Vec<Node8>, first: usize, from: &Node8, slot: usize) {
+    if nodes.len() == first || nodes.last().is_some_and(|node| node.count == 8) {
+        nodes.push(Node8::EMPTY);
     }
-    if let Some(portal) = portals.last_mut() {
-        portal.node.copy_child(from, slot);
+    if let Some(node) = nodes.last_mut() {
+        node.copy_child(from, slot);
     }
 }
 
 /// Portals into one mesh.
 #[inline(always)]
-fn open_mesh<I: Isa>(blas: &Blas, shaft: &Shaft, instance: u32, portals: &mut Vec<Portal>) {
+fn open_mesh<I: Isa>(blas: &Blas, shaft: &Shaft, instance: u32, portals: &mut Portals) {
     let nodes = blas.nodes_wide();
-    let first = portals.len();
+    let first = portals.nodes.len();
     let mut queue = [Child::ROOT; OPENED];
     let (mut head, mut tail) = (0, 1);
     while head < tail {
@@ -37,17 +37,21 @@ fn open_mesh<I: Isa>(blas: &Blas, shaft: &Shaft, instance: u32, portals: &mut Ve
             if !child.is_leaf() && tail < OPENED {
                 queue[tail] = child;
                 tail += 1;
-            } else {
-                keep(portals, first, instance, node, slot);
+            } else if !child.is_leaf() || shaft.may_meet::<I::Block>(&blas.blocks()[child.index()]) {
+                keep(&mut portals.nodes, first, node, slot);
             }
         }
+    }
+    if portals.nodes.len() > first {
+        portals.instances.push((instance, portals.nodes.len()));
     }
 }
 
 /// All portals of a group of rays, instance after instance.
 #[inline(always)]
-pub(crate) fn open<I: Isa>(scene: &TraceScene, group: &Group, portals: &mut Vec<Portal>) {
-    portals.clear();
+pub(crate) fn open<I: Isa>(scene: &TraceScene, group: &Group, portals: &mut Portals) {
+    portals.nodes.clear();
+    portals.instances.clear();
     let nodes = scene.tlas.nodes();
     if nodes.is_empty() {
         return;

@@ -3,7 +3,7 @@ use super::super::trace_native::TraceScene;
 use super::instance::Placed;
 use super::packet::{self, Entered, Scratch, Slabs, State, pop_or};
 use super::rays::{Bundle, Heading, Local, enter_direction, enter_origin, rows};
-use super::shaft::{Cone, Interval, Shaft};
+use super::shaft::{Interval, Shaft};
 use super::simd::{Isa, Lanes, three};
 use crate::scene::bvh::Node8;
 
@@ -15,26 +15,21 @@ pub(crate) struct Launch<'a> {
     pub(crate) group: Option<Group>,
 }
 
-/// Bounds of a group of rays.
+/// Where a group of rays begins and ends.
+#[derive(Clone, Copy)]
 pub(crate) struct Group {
     pub(crate) origin: Interval,
-    pub(crate) direction: Interval,
-    pub(crate) cone: Cone,
+    /// Where they are at `t` = 1.
+    pub(crate) target: Interval,
     /// Largest end of a ray.
     pub(crate) t_max: f32,
 }
 
 impl Group {
-    /// Rays from `origin` along `direction`, `t` in (0, `t_max`).
-    #[inline(always)]
-    pub(crate) fn new(origin: Interval, direction: Interval, t_max: f32) -> Self {
-        Self { origin, direction, cone: Cone::new(&direction, t_max), t_max }
-    }
-
     /// The shaft of the group in a space that boxes fill up to `reach` from the middle.
     #[inline(always)]
     pub(crate) fn shaft(&self, reach: f32) -> Shaft {
-        Shaft::new(self.cone, &self.origin, reach)
+        Shaft::new(&self.origin, &self.target, self.t_max, reach)
     }
 }
 
@@ -115,15 +110,13 @@ const FEW_NODES: usize = 3;
 /// A group of rays in the object space of an instance.
 #[inline(always)]
 pub(crate) fn enter_shaft(placed: &Placed, group: &Group) -> Shaft {
-    // Rounding is monotonic: the differences bound those of the rays.
-    let origin = Interval {
-        lo: three!(i => group.origin.lo[i] - placed.center[i]),
-        hi: three!(i => group.origin.hi[i] - placed.center[i]),
-    };
+    let (origin, target) = (group.origin.relative_to(placed.center), group.target.relative_to(placed.center));
     if placed.identity {
-        Shaft::new(group.cone, &origin, placed.reach)
-    } else {
-        let (origin, direction) = (origin.turn(&placed.rows), group.direction.turn(&placed.rows));
-        Group::new(origin, direction, group.t_max).shaft(placed.reach)
+        return Shaft::new(&origin, &target, group.t_max, placed.reach);
     }
+    // A ray is rounded as origin and direction: its end as the larger of the two.
+    let (from, to) = (origin.reach(), target.reach());
+    let reach = three!(i => from[i] + to[i]);
+    let (origin, target) = (origin.turn(&placed.rows, reach), target.turn(&placed.rows, reach));
+    Shaft::new(&origin, &target, group.t_max, placed.reach)
 }

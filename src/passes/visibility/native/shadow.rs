@@ -1,6 +1,6 @@
 //! Shadow rays of receivers towards the samples of one light.
 use super::super::trace_native::{Receiver, SampleTable, TraceScene};
-use super::packet::{Portal, Scratch, State};
+use super::packet::{Portals, Scratch, State};
 use super::portal;
 use super::rays::{Bundle, Heading, LANES, Row, rows};
 use super::scene::{Group, Launch, trace, visit};
@@ -10,7 +10,7 @@ use super::simd::{Isa, Lanes, Mask, set_lanes, splat3, three};
 /// A sample table as columns, so that neighbouring strata load as vectors, and their boxes.
 pub(crate) struct Columns {
     /// x, y, z and the largest `t`, each with 16 spare values at the end.
-    values: [Vec<f32>; 4],
+    pub(super) values: [Vec<f32>; 4],
     pub(crate) strata: usize,
     /// Box of each pattern.
     patterns: Vec<Interval>,
@@ -18,12 +18,14 @@ pub(crate) struct Columns {
     packets: Vec<Interval>,
     packets_each: usize,
     /// Largest end of a ray.
-    t_max: f32,
+    pub(super) t_max: f32,
+    /// Box of all patterns.
+    pub(super) all: Interval,
 }
 
 /// Box of points; everywhere when one is NaN.
 fn box_of(points: &[[f32; 4]]) -> Interval {
-    let mut b = Interval { lo: [f32::INFINITY; 3], hi: [f32::NEG_INFINITY; 3] };
+    let mut b = Interval::EMPTY;
     for p in points {
         b.lo = three!(i => b.lo[i].min(p[i]));
         b.hi = three!(i => b.hi[i].max(p[i]));
@@ -40,11 +42,13 @@ impl Columns {
             table.points.iter().map(|p| p[axis]).chain(spare).collect()
         };
         let strata = table.strata as usize;
+        let patterns: Vec<Interval> = table.points.chunks(strata).map(box_of).collect();
         let packets = table.points.chunks(strata).flat_map(|pattern| pattern.chunks(n).map(box_of));
         Self {
             values: [0, 1, 2, 3].map(column),
             strata,
-            patterns: table.points.chunks(strata).map(box_of).collect(),
+            all: patterns.iter().fold(Interval::EMPTY, |all, p| all.union(p)),
+            patterns,
             packets: packets.collect(),
             packets_each: strata.div_ceil(n),
             t_max: table.points.iter().fold(0.0, |t, p| t.max(p[3])),
@@ -53,22 +57,10 @@ impl Columns {
 
     /// Index of the first sample of a receiver; `None` when it is inactive.
     #[inline(always)]
-    fn start(&self, receiver: &Receiver) -> Option<usize> {
+    pub(super) fn start(&self, receiver: &Receiver) -> Option<usize> {
         let pattern = receiver.pattern as usize;
         (pattern < self.patterns.len()).then_some(pattern * self.strata)
     }
-}
-
-/// Directions from `origin` to a box.
-#[inline(always)]
-fn towards(points: &Interval, origin: [f32; 3]) -> Interval {
-    Interval { lo: three!(i => points.lo[i] - origin[i]), hi: three!(i => points.hi[i] - origin[i]) }
-}
-
-/// Shading points of the lanes of a packet.
-struct Points {
-    normal_geo: [Row; 3],
-    normal_shade: [Row; 3],
 }
 
 #[inline(always)]
@@ -78,10 +70,9 @@ fn dot<P: Lanes>(a: [P; 3], b: [P; 3]) -> P {
 
 /// Lanes whose sample faces the surface and whose light emits towards it.
 #[inline(always)]
-fn facing<P: Lanes>(table: &SampleTable, direction: &[Row; 3], points: &Points) -> u32 {
-    let (d, zero) = (rows::<P>(direction), P::splat(0.0));
-    let geo = zero.lt(dot(rows(&points.normal_geo), d));
-    let mut mask = geo.and(zero.lt(dot(rows(&points.normal_shade), d)));
+pub(super) fn facing<P: Lanes>(table: &SampleTable, d: [P; 3], normal_geo: [P; 3], normal_shade: [P; 3]) -> u32 {
+    let zero = P::splat(0.0);
+    let mut mask = zero.lt(dot(normal_geo, d)).and(zero.lt(dot(normal_shade, d)));
     if !table.two_sided {
         mask = mask.and(dot(splat3(table.light_normal), d).lt(zero));
     }
@@ -105,12 +96,11 @@ fn receiver_rays<I: Isa>(
     let Some(start) = columns.start(receiver) else { return 0 };
     let pattern = receiver.pattern as usize;
     let n = I::Packet::N;
-    let splat = |v: [f32; 3]| v.map(|x| Row([x; LANES]));
-    let points = Points { normal_geo: splat(receiver.normal_geo), normal_shade: splat(receiver.normal_shade) };
-    let mut bundle = Bundle { origin: splat(receiver.origin), ..Bundle::IDLE };
+    let (geo, shade) = (splat3(receiver.normal_geo), splat3(receiver.normal_shade));
+    let mut bundle = Bundle { origin: receiver.origin.map(|x| Row([x; LANES])), ..Bundle::IDLE };
     let origin = Interval::point(receiver.origin);
     let mut portals = std::mem::take(&mut scratch.portals);
-    let all = Group::new(origin, towards(&columns.patterns[pattern], receiver.origin), columns.t_max);
+    let all = Group { origin, target: columns.patterns[pattern], t_max: columns.t_max };
     portal::open::<I>(scene, &all, &mut portals);
     let mut rays = 0;
     for (packet, first) in (0..columns.strata).step_by(n).enumerate() {
@@ -120,13 +110,13 @@ fn receiver_rays<I: Isa>(
         }
         I::Packet::load(&columns.values[3][start + first..]).store(&mut bundle.t_max.0);
         let used = ((1u64 << n.min(columns.strata - first)) - 1) as u32;
-        bundle.active = used & facing::<I::Packet>(table, &bundle.direction, &points);
+        bundle.active = used & facing::<I::Packet>(table, rows(&bundle.direction), geo, shade);
         bundle.check::<I::Packet>();
         let mut visible = bundle.active;
         rays += u64::from(visible.count_ones());
         if visible != 0 && !portals.is_empty() {
-            let direction = towards(&columns.packets[pattern * columns.packets_each + packet], receiver.origin);
-            let group = Group::new(origin, direction, columns.t_max);
+            let target = columns.packets[pattern * columns.packets_each + packet];
+            let group = Group { origin, target, t_max: columns.t_max };
             visible = through_portals::<I>(scene, &bundle, group, &portals, scratch);
         }
         bits[first / 32] |= visible << (first % 32);
@@ -137,24 +127,25 @@ fn receiver_rays<I: Isa>(
 
 /// Rays of a packet that nothing behind the portals stops.
 #[inline(always)]
-fn through_portals<I: Isa>(
+pub(super) fn through_portals<I: Isa>(
     scene: &TraceScene,
     bundle: &Bundle,
     group: Group,
-    portals: &[Portal],
+    portals: &Portals,
     scratch: &mut Scratch,
 ) -> u32 {
     let mut state = State::new(bundle.t_min, bundle.t_max, bundle.active);
     let heading = Heading::new::<I::Packet>(&bundle.direction);
     let launch = Launch { bundle, heading, group: Some(group) };
-    for portal in portals {
+    let mut first = 0;
+    for &(instance, end) in &portals.instances {
         let mask = state.alive;
         if mask == 0 {
             break;
         }
-        let placed = &scene.placed[portal.instance as usize];
-        let roots = std::slice::from_ref(&portal.node);
-        visit::<I, true>(placed, portal.instance as usize, roots, &launch, mask, &mut state, scratch);
+        let (placed, roots) = (&scene.placed[instance as usize], &portals.nodes[first..end]);
+        visit::<I, true>(placed, instance as usize, roots, &launch, mask, &mut state, scratch);
+        first = end;
     }
     state.alive
 }
@@ -172,7 +163,7 @@ fn few_strata<I: Isa>(
     let (n, strata) = (I::Packet::N, columns.strata);
     let total = receivers.len() * strata;
     let zero = [Row([0.0; LANES]); 3];
-    let mut points = Points { normal_geo: zero, normal_shade: zero };
+    let (mut geo, mut shade) = (zero, zero);
     let mut bundle = Bundle::IDLE;
     let mut rays = 0;
     for first in (0..total).step_by(n) {
@@ -185,12 +176,12 @@ fn few_strata<I: Isa>(
             for axis in 0..3 {
                 bundle.origin[axis].0[lane] = receiver.origin[axis];
                 bundle.direction[axis].0[lane] = columns.values[axis][sample] - receiver.origin[axis];
-                points.normal_geo[axis].0[lane] = receiver.normal_geo[axis];
-                points.normal_shade[axis].0[lane] = receiver.normal_shade[axis];
+                geo[axis].0[lane] = receiver.normal_geo[axis];
+                shade[axis].0[lane] = receiver.normal_shade[axis];
             }
             bundle.t_max.0[lane] = columns.values[3][sample];
         }
-        bundle.active = used & facing::<I::Packet>(table, &bundle.direction, &points);
+        bundle.active = used & facing::<I::Packet>(table, rows(&bundle.direction), rows(&geo), rows(&shade));
         if bundle.active == 0 {
             continue;
         }

@@ -1,9 +1,9 @@
-//! A group of rays around one axis, tested against eight boxes at once: what it misses, no ray of it can hit.
+//! A group of segments between two boxes, tested against eight boxes at once: what it misses, no ray of it can hit.
 use super::rays::MARGIN;
 use super::simd::{Lanes, Mask, three};
-use crate::scene::bvh::Node8;
+use crate::scene::bvh::{Node8, TriangleBlock};
 
-/// Directions and origins of a group of rays, as intervals.
+/// A box: origins or ends of a group of rays.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Interval {
     pub(crate) lo: [f32; 3],
@@ -11,149 +11,159 @@ pub(crate) struct Interval {
 }
 
 impl Interval {
+    /// Nothing.
+    pub(crate) const EMPTY: Self = Self { lo: [f32::INFINITY; 3], hi: [f32::NEG_INFINITY; 3] };
+
     /// A single value.
     #[inline(always)]
     pub(crate) fn point(v: [f32; 3]) -> Self {
         Self { lo: v, hi: v }
     }
 
-    /// The interval seen through a linear map, with a margin for its rounding.
+    /// Smallest box with both in it.
     #[inline(always)]
-    pub(crate) fn turn(&self, rows: &[[f32; 3]; 3]) -> Self {
+    pub(crate) fn union(&self, other: &Self) -> Self {
+        Self { lo: three!(i => self.lo[i].min(other.lo[i])), hi: three!(i => self.hi[i].max(other.hi[i])) }
+    }
+
+    /// The same seen from `center`. Rounding is monotonic: the differences bound those of the points inside.
+    #[inline(always)]
+    pub(crate) fn relative_to(&self, center: [f32; 3]) -> Self {
+        Self { lo: three!(i => self.lo[i] - center[i]), hi: three!(i => self.hi[i] - center[i]) }
+    }
+
+    /// Middle and half size.
+    #[inline(always)]
+    fn middle_half(&self) -> [[f32; 3]; 2] {
+        [three!(i => 0.5 * self.lo[i] + 0.5 * self.hi[i]), three!(i => 0.5 * self.hi[i] - 0.5 * self.lo[i])]
+    }
+
+    /// Largest absolute value of each component.
+    #[inline(always)]
+    pub(crate) fn reach(&self) -> [f32; 3] {
+        three!(i => self.lo[i].abs().max(self.hi[i].abs()))
+    }
+
+    /// The box seen through a linear map; `reach` is the size of what is rounded on the way.
+    #[inline(always)]
+    pub(crate) fn turn(&self, rows: &[[f32; 3]; 3], reach: [f32; 3]) -> Self {
         let middle = three!(i => 0.5 * self.lo[i] + 0.5 * self.hi[i]);
-        let half = three!(i => (self.hi[i] - middle[i]).max(middle[i] - self.lo[i]));
+        let half = three!(i => (self.hi[i] - middle[i]).max(middle[i] - self.lo[i]) + 2.0 * MARGIN * reach[i]);
         let m = three!(r => rows[r][0] * middle[0] + rows[r][1] * middle[1] + rows[r][2] * middle[2]);
-        let reach = three!(i => half[i] + MARGIN * (middle[i].abs() + half[i]));
-        let h = three!(r => rows[r][0].abs() * reach[0] + rows[r][1].abs() * reach[1] + rows[r][2].abs() * reach[2]);
+        let h = three!(r => rows[r][0].abs() * half[0] + rows[r][1].abs() * half[1] + rows[r][2].abs() * half[2]);
         Self { lo: three!(i => m[i] - h[i]), hi: three!(i => m[i] + h[i]) }
     }
 }
 
-/// Directions of a group of rays that share the sign of one component, `z`: at depth z from its origin a ray is at
-/// slope · z across.
-#[derive(Clone, Copy)]
-pub(crate) struct Cone {
-    /// Axis of the depth; the others follow in cyclic order.
-    axis: usize,
-    back: bool,
-    slope_lo: [f32; 2],
-    slope_hi: [f32; 2],
-    /// Where the rays end: in depth, and across.
-    end: f32,
-    end_lo: [f32; 2],
-    end_hi: [f32; 2],
-    /// Without a common sign nothing can be said.
-    valid: bool,
-}
+/// Component of a way below this share of the largest one is raised to it, so that no reciprocal is infinite. The
+/// shift, 2^-32 of the way, is far inside [`MARGIN`].
+const FLAT: f32 = 1.0 / 4_294_967_296.0;
 
-impl Cone {
-    /// Rays along `direction`, up to `t_max` ≥ 0 of it.
-    #[inline(always)]
-    pub(crate) fn new(direction: &Interval, t_max: f32) -> Self {
-        let (lo, hi) = (direction.lo, direction.hi);
-        // Smallest absolute value of each component, 0 where the sign changes.
-        let least = three!(i => lo[i].max(-hi[i]).max(0.0));
-        let y_over_x = least[1] > least[0];
-        let xy = if y_over_x { least[1] } else { least[0] };
-        let axis = if least[2] > xy { 2 } else { usize::from(y_over_x) };
-        let (one, two) = ((axis + 1) % 3, (axis + 2) % 3);
-        let most = lo[axis].abs().max(hi[axis].abs());
-        let (by_least, by_most) = (1.0 / least[axis], 1.0 / most);
-        let t_max = t_max.min(f32::MAX);
-        let slope_lo = |i: usize| (lo[i] * by_least).min(lo[i] * by_most);
-        let slope_hi = |i: usize| (hi[i] * by_least).max(hi[i] * by_most);
-        Self {
-            axis,
-            back: lo[axis] < 0.0,
-            slope_lo: [slope_lo(one), slope_lo(two)],
-            slope_hi: [slope_hi(one), slope_hi(two)],
-            end: most * t_max * (1.0 + MARGIN),
-            end_lo: [(lo[one] * t_max).min(0.0), (lo[two] * t_max).min(0.0)],
-            end_hi: [(hi[one] * t_max).max(0.0), (hi[two] * t_max).max(0.0)],
-            valid: least[axis] > 0.0,
-        }
-    }
-}
-
-/// A cone with its origins: what it misses, no ray of the group hits. The margin is that of the boxes.
+/// The convex hull of an origin box O and an end box T, by its cross-sections: all segments are at parameter `s` inside
+/// the box (1 − s) O + s T. A box B meets the hull when it meets one cross-section, and each of the six conditions for
+/// that is linear in `s`: exact, and no dearer than the slabs of a ray.
 pub(crate) struct Shaft {
-    cone: Cone,
-    /// Rows of a node: near and far in depth.
-    depth_rows: [usize; 2],
-    across: [usize; 2],
-    sign: f32,
-    near: f32,
-    far: f32,
+    /// From a row of a node to the `s` before which the row's plane keeps the box outside: scale and offset.
+    enter: [[f32; 2]; 6],
+    /// And to the `s` after which it does.
+    leave: [[f32; 2]; 6],
+    /// Largest `s` of a ray.
+    end: f32,
+    /// Middle and half size of O and of T.
+    origin: [[f32; 3]; 2],
+    target: [[f32; 3]; 2],
     margin: f32,
-    to_lo: [f32; 2],
-    to_hi: [f32; 2],
+    /// Beyond `s` = 1 the cross-sections are none: then nothing is known.
+    valid: bool,
 }
 
 impl Shaft {
     /// Nothing known: all is entered.
     pub(crate) const NONE: Self = Self {
-        cone: Cone {
-            axis: 0,
-            back: false,
-            slope_lo: [0.0; 2],
-            slope_hi: [0.0; 2],
-            end: 0.0,
-            end_lo: [0.0; 2],
-            end_hi: [0.0; 2],
-            valid: false,
-        },
-        depth_rows: [0; 2],
-        across: [0; 2],
-        sign: 0.0,
-        near: 0.0,
-        far: 0.0,
+        enter: [[0.0; 2]; 6],
+        leave: [[0.0; 2]; 6],
+        end: 0.0,
+        origin: [[0.0; 3]; 2],
+        target: [[0.0; 3]; 2],
         margin: 0.0,
-        to_lo: [0.0; 2],
-        to_hi: [0.0; 2],
+        valid: false,
     };
 
-    /// Rays of `cone` from `origin`, among boxes that reach `reach` from the middle of their space.
+    /// Segments from `origin` to `target`, up to `t_max` ≥ 0 of the way, among boxes that reach `reach` from the middle
+    /// of their space. The margin is that of the boxes.
     #[inline(always)]
-    pub(crate) fn new(cone: Cone, origin: &Interval, reach: f32) -> Self {
-        let k = cone.axis;
-        let across = [(k + 1) % 3, (k + 2) % 3];
-        let far_out = three!(i => origin.lo[i].abs().max(origin.hi[i].abs()));
-        let margin = (far_out[0].max(far_out[1]).max(far_out[2]) + reach) * (2.0 * MARGIN);
-        let (near, far) = if cone.back { (origin.lo[k], origin.hi[k]) } else { (-origin.hi[k], -origin.lo[k]) };
-        Self {
-            cone,
-            depth_rows: if cone.back { [k + 3, k] } else { [k, k + 3] },
-            across,
-            sign: if cone.back { -1.0 } else { 1.0 },
-            near: near - margin,
-            far: far + margin,
+    pub(crate) fn new(origin: &Interval, target: &Interval, t_max: f32, reach: f32) -> Self {
+        let (from, to) = (origin.reach(), target.reach());
+        let size = from[0].max(from[1]).max(from[2]) + to[0].max(to[1]).max(to[2]) + reach;
+        let margin = size * (2.0 * MARGIN);
+        let mut shaft = Self {
+            end: t_max * (1.0 + MARGIN),
+            valid: t_max <= 1.0,
+            origin: origin.middle_half(),
+            target: target.middle_half(),
             margin,
-            to_lo: [-origin.hi[across[0]] - margin, -origin.hi[across[1]] - margin],
-            to_hi: [-origin.lo[across[0]] + margin, -origin.lo[across[1]] + margin],
+            ..Self::NONE
+        };
+        let way_lo = three!(i => target.lo[i] - origin.lo[i]);
+        let way_hi = three!(i => target.hi[i] - origin.hi[i]);
+        let flat = (size * FLAT).max(f32::MIN_POSITIVE);
+        for axis in [0, 1, 2] {
+            // The hull's upper side must reach the box's lower plane, and its lower side the upper plane.
+            shaft.bound(axis, way_hi[axis], flat, origin.hi[axis] + margin, true);
+            shaft.bound(axis + 3, way_lo[axis], flat, origin.lo[axis] - margin, false);
         }
+        shaft
+    }
+
+    /// The condition of one row: `start + s way` is above the plane, or below it.
+    #[inline(always)]
+    fn bound(&mut self, row: usize, way: f32, flat: f32, start: f32, above: bool) {
+        let inverse = 1.0 / if way.abs() < flat { flat } else { way };
+        let line = [inverse, -start * inverse];
+        let entering = above == (inverse > 0.0);
+        self.enter[row] = if entering { line } else { [0.0, f32::MIN] };
+        self.leave[row] = if entering { [0.0, f32::MAX] } else { line };
     }
 
     /// Children of a node that the group may hit.
     #[inline(always)]
     pub(crate) fn test<N: Lanes>(&self, node: &Node8) -> u32 {
         let used = (1 << node.count) - 1;
-        if !self.cone.valid {
+        if !self.valid {
             return used;
         }
-        let (row, cone, splat) = (&node.bounds, &self.cone, N::splat);
-        let margin = splat(self.margin);
-        let sign = splat(self.sign);
-        let near = N::load(&row[self.depth_rows[0]]).fma(sign, splat(self.near)).max(splat(0.0));
-        let far = N::load(&row[self.depth_rows[1]]).fma(sign, splat(self.far)).min(splat(cone.end) + margin);
-        let mut hit = near.not_gt(far);
-        for side in [0, 1] {
-            let (slope_lo, slope_hi) = (splat(cone.slope_lo[side]), splat(cone.slope_hi[side]));
-            let lowest = (slope_lo * near).min(slope_lo * far).max(splat(cone.end_lo[side]) - margin);
-            let highest = (slope_hi * near).max(slope_hi * far).min(splat(cone.end_hi[side]) + margin);
-            let lo = N::load(&row[self.across[side]]) + splat(self.to_lo[side]);
-            let hi = N::load(&row[self.across[side] + 3]) + splat(self.to_hi[side]);
-            hit = hit.and(lowest.not_gt(hi)).and(lo.not_gt(highest));
+        let (mut enter, mut leave) = (N::splat(0.0), N::splat(self.end));
+        for row in 0..6 {
+            let plane = N::load(&node.bounds[row]);
+            // A NaN (an unused slot, an overflow) leaves the other value.
+            enter = plane.fma(N::splat(self.enter[row][0]), N::splat(self.enter[row][1])).max(enter);
+            leave = plane.fma(N::splat(self.leave[row][0]), N::splat(self.leave[row][1])).min(leave);
         }
-        hit.bits() & used
+        enter.not_gt(leave).bits() & used
+    }
+
+    /// True when a segment of the group may meet a triangle of the block: false when each has both boxes on one side of
+    /// its plane, such as the walls of a room around all that it holds.
+    #[inline(always)]
+    pub(crate) fn may_meet<B: Lanes>(&self, block: &TriangleBlock) -> bool {
+        if !self.valid {
+            return true;
+        }
+        let corner = |vertex: usize| three!(i => B::load(&block.corner[vertex][i]));
+        let [a, b, c] = [corner(0), corner(1), corner(2)];
+        let (e, f) = (three!(i => b[i] - a[i]), three!(i => c[i] - a[i]));
+        let n = [e[2].fnma(f[1], e[1] * f[2]), e[0].fnma(f[2], e[2] * f[0]), e[1].fnma(f[0], e[0] * f[1])];
+        let size = n[0].abs() + n[1].abs() + n[2].abs();
+        let sides = [self.origin, self.target].map(|[middle, half]| {
+            let d = three!(i => B::splat(middle[i]) - a[i]);
+            let reach = three!(i => B::splat(half[i]));
+            let at = n[0].fma(d[0], n[1].fma(d[1], n[2] * d[2]));
+            let spread = n[0].abs().fma(reach[0], n[1].abs().fma(reach[1], n[2].abs() * reach[2]));
+            let spread = size.fma(B::splat(self.margin), spread);
+            (spread.lt(at), at.lt(B::splat(0.0) - spread))
+        });
+        let [from, to] = sides;
+        let outside = from.0.and(to.0).or(from.1.and(to.1));
+        outside.bits() != 15
     }
 }
