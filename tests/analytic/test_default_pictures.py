@@ -33,10 +33,8 @@ class Shares:
 
     def steps(self, values: Map, axis: int) -> tuple[NDArray[np.intp], Map]:
         """Row (or column) behind which each step from pixel to pixel lies, and its size, on one surface."""
-        along = [
-            np.swapaxes(a, 0, axis) for a in (values, self.there, self.frame.normal, self.frame.position)
-        ]
-        values, there, normal, position = along
+        values, there = np.swapaxes(values, 0, axis), np.swapaxes(self.there, 0, axis)
+        normal, position = (np.swapaxes(a, 0, axis) for a in (self.frame.normal, self.frame.position))
         flat = (normal[1:] * normal[:-1]).sum(axis=-1) > 0.999
         off = np.abs(((position[1:] - position[:-1]) * normal[1:]).sum(axis=-1)) < 0.01
         both = there[1:] & there[:-1] & flat & off
@@ -75,7 +73,7 @@ def shares(renderer: ml.Renderer, request: pytest.FixtureRequest) -> Shares:
 @pytest.mark.parametrize("period", [2, 4, 8, 16])
 def test_no_seams_and_no_blocks(shares: Shares, period: int) -> None:
     """Steps from pixel to pixel are no larger across the edges of cells and tiles than within them."""
-    assert shares.seam(shares.found, period) < 1.15
+    assert shares.seam(shares.found, period) < 1.2
     # negative control: shares that are half way to the mean of their block
     blocks = blocky(shares.truth, shares.there, period)
     assert shares.seam((blocks + shares.truth) / 2, period) > 1.3
