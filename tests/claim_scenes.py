@@ -7,6 +7,7 @@ MIPLIGHT_SCENES names; without it `available` leaves those scenes out.
 from __future__ import annotations
 
 import dataclasses
+import json
 import os
 from collections.abc import Callable
 from pathlib import Path
@@ -44,9 +45,9 @@ class Claim:
 
 
 def scans() -> Path | None:
-    """Folder of scans, or None."""
+    """Folder of scans and scenes, or None."""
     folder = os.environ.get("MIPLIGHT_SCENES")
-    return Path(folder) / "meshes" if folder else None
+    return Path(folder) if folder else None
 
 
 def place_in(place: trimesh.Scene, width: int, height: int, *, lights: bool = True) -> SceneAndCamera:
@@ -62,7 +63,7 @@ def scan_mesh(name: str, across: float, at: ArrayLike, turn: float = 0.0) -> tri
     folder = scans()
     if folder is None:
         raise FileNotFoundError("MIPLIGHT_SCENES is not set")
-    mesh: trimesh.Trimesh = trimesh.load(folder / f"{name}.ply", process=False)
+    mesh: trimesh.Trimesh = trimesh.load(folder / "meshes" / f"{name}.ply", process=False)
     low, high = mesh.bounds
     foot = np.array([(low[0] + high[0]) / 2, low[1], (low[2] + high[2]) / 2])
     mesh.apply_translation(-foot)
@@ -166,6 +167,28 @@ def _ribbon(width: int, height: int) -> SceneAndCamera:
     return scene, camera
 
 
+def _file(folder: str, name: str, camera: int = 0) -> Callable[[int, int], SceneAndCamera]:
+    """A whole scene of the folder with the lights and a camera of its JSON file."""
+
+    def build(width: int, height: int) -> SceneAndCamera:
+        base = scans()
+        if base is None:
+            raise FileNotFoundError("MIPLIGHT_SCENES is not set")
+        notes = json.loads((base / folder / f"{name}.json").read_text())
+        scene = ml.Scene.from_trimesh(trimesh.load(base / folder / f"{name}.glb", process=False))
+        for lamp in notes["lights"]:
+            names = ("center", "half_u", "half_v", "radiance")
+            middle, u, v, radiance = (np.array(lamp[name], np.float64) for name in names)
+            scene.add_light(ml.AreaLight(middle - u - v, 2 * u, 2 * v, radiance=radiance))
+        eye = notes["cameras"][camera]
+        view = {key: eye[key] for key in ("origin", "target", "up")}
+        return scene, ml.Camera.look_at(
+            **view, fov_y=min(eye["fov_degrees"], 60.0), width=width, height=height
+        )
+
+    return build
+
+
 def _of(make: Callable[[], trimesh.Scene]) -> Callable[[int, int], SceneAndCamera]:
     return lambda width, height: place_in(make(), width, height)
 
@@ -196,6 +219,9 @@ CLAIMS: dict[str, Claim] = {
         _of(ml.shapes.bare_floor), dataclasses.replace(_OPEN, relative_rmse=0.001, shadow_rays=0)
     ),
     "half_unlit": Claim(_of(ml.shapes.half_unlit), _OPEN),
+    "cornell": Claim(_file("cornell_box", "cornell_box"), _SCAN, True),
+    "staircase": Claim(_file("staircase", "staircase"), _CLUTTER, True),
+    "sponza": Claim(_file("sponza_dabrovic", "sponza"), _CLUTTER, True),
 }
 
 
