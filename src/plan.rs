@@ -152,10 +152,15 @@ impl Plan {
         let direct = direct.or(other);
         let unshadowed = settings.is("visibility", "none").then_some("visibility is none");
         let no_area = (facts.area_lights == 0).then_some("no area light emits anything, and spots have no penumbra");
+        let unproven = settings.is("shadow_proofs", "off").then_some("shadow_proofs is off");
+        let unfiltered = settings.is("penumbra_filter", "off").then_some("penumbra_filter is off");
         self.add(&ADAPTIVE[..1], direct);
-        self.add(&ADAPTIVE[1..6], direct.or(unshadowed));
+        self.add(&ADAPTIVE[1..2], direct.or(unshadowed).or(unproven));
+        self.add(&ADAPTIVE[2..6], direct.or(unshadowed));
         self.add(&ADAPTIVE[6..7], direct);
-        self.add(&ADAPTIVE[7..14], direct.or(unshadowed).or(no_area));
+        let sharp = direct.or(unshadowed).or(no_area);
+        self.add(&ADAPTIVE[7..13], sharp);
+        self.add(&ADAPTIVE[13..14], sharp.or(unfiltered));
         self.add(&ADAPTIVE[14..], direct);
         self.add(&[IRRADIANCE], direct);
     }

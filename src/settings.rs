@@ -143,10 +143,28 @@ pub const SPECS: &[Spec] = &[
     choice(
         "visibility_reuse",
         &["off", "incremental"],
-        &["off"],
+        &["off", "incremental"],
         "off",
-        "Reuse of the bits on which coarser fragments agree.",
+        "Reuse of the bits on which coarser fragments agree; matters only where a fragment is finer than others.",
         "[NPW10]",
+    ),
+    choice(
+        "shadow_proofs",
+        OFF_ON,
+        OFF_ON,
+        "on",
+        "Whether tiles of which a test of bounds proves that they see all or nothing of a light are left unasked; \
+         matters only where `refine` is not none and `direct_estimator` is ratio.",
+        "[HW91]",
+    ),
+    choice(
+        "penumbra_filter",
+        OFF_ON,
+        OFF_ON,
+        "on",
+        "Whether the visible share of a light, and nothing else, is averaged as far as the penumbra is wide; matters \
+         only where `refine` is not none and `direct_estimator` is ratio.",
+        "[MWR12]",
     ),
     choice("specular_visibility", &["ray", "variance"], &["ray"], "ray", "Visibility of the specular part.", "[NPW10]"),
     choice(
@@ -244,7 +262,14 @@ pub const PRESETS: &[(&str, Option<Changes>)] = &[
     ("area-2010", None),
     ("area-2016", None),
     ("brute-force", Some(&[])),
-    ("default", Some(&[("direct_estimator", Default::Text("ratio")), ("refine", Default::Text("one-pass"))])),
+    (
+        "default",
+        Some(&[
+            ("direct_estimator", Default::Text("ratio")),
+            ("refine", Default::Text("one-pass")),
+            ("visibility_reuse", Default::Text("incremental")),
+        ]),
+    ),
 ];
 
 impl Default {

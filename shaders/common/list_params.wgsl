@@ -8,5 +8,5 @@ struct ListParams {
     seed: u32,
     first: u32,         // entry of the list at which this piece begins
     blocks_u: u32,      // blocks of strata along edge u; 16 / blocks_u along edge v
-    pad: u32,
+    reuse: u32,         // what neighbours agree on is not asked again
 }

@@ -8,7 +8,9 @@ use miplight::host_layout;
 use miplight::passes::composite::composite::CompositeParams;
 use miplight::passes::composite::downsample::DownsampleParams;
 use miplight::passes::gather::gather::GatherParams;
+use miplight::passes::gather::irradiance::IrradianceParams;
 use miplight::passes::gather::receivers::ReceiversParams;
+use miplight::passes::gather::textured_share::{LightNode, MomentsParams};
 use miplight::passes::indirect::{GatherPath, GatherWave};
 use miplight::passes::lights::light_samples::LightSamplesParams;
 use miplight::passes::refine::compact::CompactParams;
@@ -31,8 +33,13 @@ fn twins() -> Vec<(Layout, &'static str, &'static str)> {
     let downsample = host_layout!(DownsampleParams { width, height, factor, pad });
     let compact = host_layout!(CompactParams { items, mask, value, scanned });
     let receivers = host_layout!(ReceiversParams { width, height, first, patterns, seed, pad0, pad1, pad2 });
+    let node = host_layout!(LightNode { place, pad, moment });
+    let moments = host_layout!(MomentsParams { mean, cell_area, fine, coarse, pad0, pad1 });
     let mut all = adaptive();
     all.extend(vec![
+        (irradiance(), "common/light_pixel", "IrradianceParams"),
+        (node, "passes/gather/textured_share", "LightNode"),
+        (moments, "passes/gather/textured_share", "MomentsParams"),
         (ray, "common/ray", "Ray"),
         (hit, "common/ray", "Hit"),
         (receiver, "common/ray", "Receiver"),
@@ -54,7 +61,7 @@ fn twins() -> Vec<(Layout, &'static str, &'static str)> {
 fn adaptive() -> Vec<(Layout, &'static str, &'static str)> {
     let frame = host_layout!(LightFrame { corner, extent_a, dual_u, extent_b, dual_v, two_sided, normal, cos_cutoff });
     let bounds = host_layout!(TileBounds { lo, facing, hi, pad });
-    let list = host_layout!(ListParams { width, height, light, patterns, seed, first, blocks_u, pad });
+    let list = host_layout!(ListParams { width, height, light, patterns, seed, first, blocks_u, reuse });
     let light_bounds = host_layout!(LightBoundsParams { width, height, light, unshadowed });
     let levels = host_layout!(UniformLevelsParams { width, height, slot, coarsest, own_pixels, again, last, pad });
     let penumbra = host_layout!(PenumbraParams {
@@ -83,6 +90,29 @@ fn adaptive() -> Vec<(Layout, &'static str, &'static str)> {
 
 fn view() -> Layout {
     host_layout!(View { eye, width, right, height, up, fx, backward, fy, cx, cy, first, tiled })
+}
+
+fn irradiance() -> Layout {
+    host_layout!(IrradianceParams {
+        corner,
+        width,
+        axis_x,
+        height,
+        axis_y,
+        two_sided,
+        axis_z,
+        tiles,
+        radiance,
+        textured,
+        edge,
+        along_v,
+        size,
+        cos_cutoff,
+        kind,
+        first_node,
+        nodes,
+        pad
+    })
 }
 
 fn gather_wave() -> Layout {

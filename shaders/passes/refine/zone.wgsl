@@ -106,7 +106,7 @@ fn main(
     if all(place < cells) {
         cell_state[cell_in_image(place, params.width)] = state;
     }
-    let voted = select(0u, agreed, votes.alike >= ENOUGH);
+    let voted = select(0u, agreed, votes.alike >= ENOUGH && params.reuse != 0u);
     let sure = voted & ~with_beside(ALL & ~voted);
     cell_agreed[i] = sure | (((votes.seen & sure) | (voted & ~sure)) << 16u);
     cell_plan[i] = select(0u, PLAN_ZONE, state == STATE_ZONE && all(place < cells));

@@ -117,15 +117,17 @@ impl<'g> Light<'g> {
     fn visible_share(&self, context: &mut Context<'_, '_>, found: &mut Found) -> Result<Buffer<[f32; 4]>> {
         if !context.settings.is("visibility", "none") {
             let (frame, tiles) = (&self.frame, &self.tiles);
-            context.tracer.prove(
-                context.recorder,
-                "prove",
-                frame,
-                &tiles.bounds,
-                &tiles.flags,
-                self.gbuffer,
-                &context.view,
-            )?;
+            if context.settings.is("shadow_proofs", "on") {
+                context.tracer.prove(
+                    context.recorder,
+                    "prove",
+                    frame,
+                    &tiles.bounds,
+                    &tiles.flags,
+                    self.gbuffer,
+                    &context.view,
+                )?;
+            }
             found.open_tiles += self.ask_open_tiles(context)?;
         }
         zone::record(context, &self.light, &self.tiles, &self.cells)?;
@@ -250,7 +252,6 @@ impl<'g> Light<'g> {
             |context, piece| zone_rays::record(context, piece, &self.cells),
             |context, piece| share::pixels(context, piece, &self.cells, &self.radiance_tiles),
         )?;
-        let smooth = context.resources.buffer("smooth_share", context.view.pixels())?;
         if coarse.count > 0 {
             let unused = context.resources.buffer("receivers", 1)?;
             let bits = context.resources.buffer("asked", 1)?;
@@ -258,6 +259,10 @@ impl<'g> Light<'g> {
             let piece = Asked { gbuffer, light, list, first: 0, count: coarse.count, receivers: &unused, bits: &bits };
             share::cells(context, &piece, &self.cells, &self.radiance_tiles)?;
         }
+        if context.settings.is("penumbra_filter", "off") {
+            return Ok(self.cells.share.clone());
+        }
+        let smooth = context.resources.buffer("smooth_share", context.view.pixels())?;
         for (list, traced) in [(&traced, true), (&coarse, false)] {
             if list.count > 0 {
                 let list = (&list.entries, list.count, traced);
@@ -277,12 +282,11 @@ impl Light<'_> {
         irradiance: &Buffer<[f32; 4]>,
     ) -> Result<()> {
         let work = IrradianceWork {
-            light: &self.light,
+            light: self.light.light,
             gbuffer: self.gbuffer,
             tile_flags: &self.tiles.flags,
             cell_state: &self.cells.state,
             share,
-            radiance_tiles: &self.radiance_tiles,
             irradiance,
         };
         irradiance::record(context, &work)

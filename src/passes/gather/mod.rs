@@ -8,6 +8,7 @@ pub mod irradiance;
 pub mod receivers;
 pub mod share;
 pub mod smooth_share;
+pub mod textured_share;
 
 use self::gather::Gathered;
 use crate::error::Result;

@@ -34,8 +34,8 @@ pub struct ListParams {
     pub first: u32,
     /// Blocks of strata along edge u.
     pub blocks_u: u32,
-    /// Unused.
-    pub pad: u32,
+    /// 1: what neighbours agree on is not asked again.
+    pub reuse: u32,
 }
 
 impl ListParams {
@@ -49,7 +49,7 @@ impl ListParams {
             seed: context.settings.int("seed"),
             first: first as u32,
             blocks_u: light.strata_u.div_ceil(4),
-            pad: 0,
+            reuse: context.settings.is("visibility_reuse", "incremental").into(),
         }
     }
 }

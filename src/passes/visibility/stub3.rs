@@ -1,9 +1,5 @@
 //! TEMP stubs.
-use std::ops::Range;
-
-use super::shadow::ShadowLight;
 use super::trace::Tracer;
-use super::trace_native::Receiver;
 use crate::error::Result;
 use crate::gpu::{Buffer, Recorder};
 use crate::passes::refine::light_bounds::{LightFrame, TileBounds};
@@ -23,30 +19,5 @@ impl Tracer {
         _view: &View,
     ) -> Result<()> {
         Ok(())
-    }
-
-    /// TEMP.
-    pub fn shadow_asked(
-        &self,
-        recorder: &mut Recorder<'_>,
-        stage: &str,
-        receivers: &Buffer<Receiver>,
-        light: &ShadowLight<'_>,
-        asked: &Buffer<u32>,
-        range: Range<usize>,
-    ) -> Result<u64> {
-        let words = light.words();
-        let gpu = recorder.gpu().clone();
-        let before: Vec<u32> = {
-            recorder.flush()?;
-            gpu.read(asked)?[..range.len() * words].to_vec()
-        };
-        self.shadow(recorder, stage, receivers, light, asked, range.clone())?;
-        let mut after: Vec<u32> = gpu.read(asked)?[..range.len() * words].to_vec();
-        for (a, b) in after.iter_mut().zip(&before) {
-            *a &= b;
-        }
-        asked.write(&gpu, 0, &after)?;
-        Ok(before.iter().map(|w| u64::from(w.count_ones())).sum())
     }
 }

@@ -71,6 +71,27 @@ LIGHT_SAMPLES = np.dtype(
 )
 RECEIVERS = np.dtype(_fields("width", "height", "first", "patterns", "seed", "pad0", "pad1", "pad2"))
 GATHER = np.dtype(_fields("strata", "words", "light", "pad"))
+IRRADIANCE = np.dtype(
+    [
+        ("corner", "<f4", 3),
+        ("width", "<u4"),
+        ("axis_x", "<f4", 3),
+        ("height", "<u4"),
+        ("axis_y", "<f4", 3),
+        ("two_sided", "<u4"),
+        ("axis_z", "<f4", 3),
+        ("tiles", "<u4"),
+        ("radiance", "<f4", 3),
+        ("textured", "<u4"),
+        ("edge", "<f4", 4),
+        ("along_v", "<f4", 2),
+        ("size", "<f4"),
+        ("cos_cutoff", "<f4"),
+        *_fields("kind", "first_node", "nodes", "pad"),
+    ]
+)
+LIGHT_NODE = np.dtype([("place", "<f4", 2), ("pad", "<f4", 2), ("moment", "<f4", 4)])
+MOMENTS = np.dtype([("mean", "<f4", 3), ("cell_area", "<f4"), *_fields("fine", "coarse", "pad0", "pad1")])
 NODE = np.dtype([("lo", "<f4", 3), ("first", "<u4"), ("hi", "<f4", 3), ("count", "<u4")])
 TRIANGLE = np.dtype(
     [("a", "<f4", 3), ("id", "<u4"), ("b", "<f4", 3), ("pad_b", "<u4"), ("c", "<f4", 3), ("pad_c", "<u4")]
