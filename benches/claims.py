@@ -35,6 +35,15 @@ LARGE = 1024  # from here on the peer is brute force
 BRUTE = ml.Settings.preset("brute-force").replace(light_samples=256)
 FASTER_THAN_BRUTE = 6.0
 LARGE_ROOMS = 3
+# the default without one of its ideas at a time
+IDEAS = (
+    "shadow_proofs=off",
+    "penumbra_filter=off",
+    "visibility_reuse=off",
+    "light_pattern=grid",
+    "refine=none",
+    "refine=none direct_estimator=samples",
+)
 
 
 def _settings(options: argparse.Namespace, change: str = "") -> ml.Settings:
@@ -167,6 +176,7 @@ def _options() -> argparse.Namespace:
     parser.add_argument(
         "--each", nargs="*", default=[], metavar="CHANGE", help="a row more for each 'NAME=VALUE …' alone"
     )
+    parser.add_argument("--ideas", action="store_true", help="the same for the ideas of the default")
     parser.add_argument("--adapter", default="auto")
     parser.add_argument("--sampler", default="multijitter", help="Mitsuba's; its own default is independent")
     parser.add_argument("--reference-spp", type=int, default=0, help="0: as tests/claim_scenes.py says")
@@ -180,6 +190,7 @@ def _options() -> argparse.Namespace:
     )
     parser.add_argument("--write", action="store_true", help="benches/results/claims.json and .md")
     options = parser.parse_args()
+    options.each += IDEAS if options.ideas else ()
     unknown = sorted(set(options.only) - set(CLAIMS))
     if unknown:
         parser.error(f"unknown: {', '.join(unknown)}; allowed: {', '.join(CLAIMS)}")
