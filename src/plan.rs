@@ -72,6 +72,11 @@ pub const ADAPTIVE: [&str; 15] = [
     "direct/smooth_share",
     "direct/uniform_levels",
 ];
+/// Passes that choose the fragments whose middle is shaded.
+pub const FRAGMENTS: [&str; 4] =
+    ["direct/pyramid", "direct/one_pass", "direct/fragment_list", "direct/fragment_receivers"];
+/// Passes that take the fragments' light to the pixels.
+pub const UPSAMPLE: [&str; 3] = ["direct/nearest", "direct/bilinear", "direct/edge_aware"];
 /// Exact unshadowed light times the share that is seen.
 pub const IRRADIANCE: &str = "direct/irradiance";
 /// Passes of indirect light.
@@ -128,13 +133,23 @@ pub fn is_adaptive(settings: &Settings) -> bool {
     !settings.is("refine", "none") && settings.is("direct_estimator", "ratio")
 }
 
+/// Whether one point of each fragment is shaded.
+pub fn has_fragments(settings: &Settings) -> bool {
+    !settings.is("refine", "none") && !is_adaptive(settings)
+}
+
 impl Plan {
-    /// Every pixel for itself.
+    /// Every pixel for itself, or every fragment.
     fn add_direct(&mut self, facts: SceneFacts, settings: &Settings, direct: Option<&'static str>) {
         let no_area = (facts.area_lights == 0).then_some("no area light emits anything");
         self.add(&DIRECT[..1], direct.or(no_area));
         let adaptive = is_adaptive(settings).then_some("shadows decide what is worth a ray: refine is not none");
-        self.add(&DIRECT[1..2], direct.or(adaptive));
+        let fragments = has_fragments(settings).then_some("fragments are shaded: refine is not none");
+        let pixels = (!has_fragments(settings)).then_some("every pixel is shaded, or shadows decide what is");
+        self.add(&DIRECT[1..2], direct.or(adaptive).or(fragments));
+        let flat = (settings.int("coarsest_level") == 0).then_some("coarsest_level is 0");
+        self.add(&FRAGMENTS[..1], direct.or(pixels).or(flat));
+        self.add(&FRAGMENTS[1..], direct.or(pixels));
         let unshadowed = settings.is("visibility", "none").then_some("visibility is none");
         self.add(&DIRECT[2..3], direct.or(adaptive).or(unshadowed));
         let ratio = settings.is("direct_estimator", "ratio");
@@ -143,6 +158,10 @@ impl Plan {
         self.add(&DIRECT[3..4], direct.or(adaptive).or(no_sum));
         let no_ratio = (!ratio).then_some("direct_estimator is samples");
         self.add(&DIRECT[4..], direct.or(adaptive).or(no_area).or(no_ratio));
+        for (pass, upsample) in UPSAMPLE.into_iter().zip(["nearest", "bilinear", "edge-aware"]) {
+            let other = (!settings.is("upsample", upsample)).then_some("upsample is another");
+            self.add(&[pass], direct.or(pixels).or(other));
+        }
     }
 
     /// Tiles, cells, penumbrae.
@@ -183,7 +202,17 @@ mod tests {
 
     #[test]
     fn every_pass_is_either_run_or_skipped_with_a_reason_and_never_both() {
-        let all = [&GEOMETRY[..], &DIRECT, &ADAPTIVE, &[IRRADIANCE], &INDIRECT, &[COMPOSITE, DOWNSAMPLE]].concat();
+        let all = [
+            &GEOMETRY[..],
+            &DIRECT,
+            &ADAPTIVE,
+            &FRAGMENTS,
+            &UPSAMPLE,
+            &[IRRADIANCE],
+            &INDIRECT,
+            &[COMPOSITE, DOWNSAMPLE],
+        ]
+        .concat();
         for facts in [ROOM, SceneFacts::default(), SceneFacts { spot_lights: 1, area_lights: 0, ..ROOM }] {
             for gbuffer in [false, true] {
                 for change in [

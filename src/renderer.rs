@@ -16,7 +16,9 @@ use crate::passes::visibility::Hit;
 use crate::passes::visibility::placed::PlacedScene;
 use crate::passes::visibility::trace::{Form, Tracer};
 use crate::passes::{Context, GBuffer, View, gather, indirect};
-use crate::plan::{COMPOSITE, DIRECT, DOWNSAMPLE, GEOMETRY, INDIRECT, IRRADIANCE, Plan, SceneFacts, Valid, plan};
+use crate::plan::{
+    COMPOSITE, DIRECT, DOWNSAMPLE, FRAGMENTS, GEOMETRY, INDIRECT, IRRADIANCE, Plan, SceneFacts, Valid, plan,
+};
 use crate::scene::camera::Camera;
 use crate::scene::prepare::Prepared;
 use crate::scene::snapshot::Snapshot;
@@ -235,7 +237,7 @@ impl State {
         let mut context = Context { recorder, resources, scene, tracer, prepared, settings, view, rays: 0 };
         let gbuffer = gbuffer::buffers(&mut context)?;
         context.scoped("geometry", |context| geometry(context, plan, &gbuffer))?;
-        let direct = match plan.runs(DIRECT[1]) || plan.runs(IRRADIANCE) {
+        let direct = match [DIRECT[1], FRAGMENTS[1], IRRADIANCE].iter().any(|pass| plan.runs(pass)) {
             true => Some(context.scoped("direct", |context| gather::record(context, &gbuffer))?),
             false => None,
         };

@@ -54,6 +54,8 @@ pub enum Default {
     None,
     /// A whole number.
     Int(i64),
+    /// A real number.
+    Float(f64),
     /// One of the choices.
     Text(&'static str),
 }
@@ -69,6 +71,8 @@ pub struct Spec {
     pub default: Default,
     /// Known, but only its default is accepted for now.
     pub pending: bool,
+    /// May be none as well.
+    pub nullable: bool,
     /// Unit, or empty.
     pub unit: &'static str,
     /// What it does.
@@ -88,20 +92,28 @@ const fn choice(
     source: &'static str,
 ) -> Spec {
     let kind = Kind::Choice { choices, available };
-    Spec { name, kind, default: Default::Text(default), pending: false, unit: "", doc, source }
+    Spec { name, kind, default: Default::Text(default), pending: false, nullable: false, unit: "", doc, source }
 }
 
 const fn int(name: &'static str, range: [i64; 2], default: i64, doc: &'static str, source: &'static str) -> Spec {
     let kind = Kind::Int { min: range[0], max: range[1], only: &[] };
-    Spec { name, kind, default: Default::Int(default), pending: false, unit: "", doc, source }
+    Spec { name, kind, default: Default::Int(default), pending: false, nullable: false, unit: "", doc, source }
 }
 
 const fn later(name: &'static str, kind: Kind, unit: &'static str, doc: &'static str, source: &'static str) -> Spec {
-    Spec { name, kind, default: Default::None, pending: true, unit, doc, source }
+    Spec { name, kind, default: Default::None, pending: true, nullable: true, unit, doc, source }
+}
+
+const fn level(name: &'static str, default: i64, doc: &'static str, source: &'static str) -> Spec {
+    Spec { unit: "level", ..int(name, [0, 16], default, doc, source) }
+}
+
+const fn threshold(name: &'static str, default: f64, doc: &'static str, source: &'static str) -> Spec {
+    let kind = Kind::Float { min: 0.0, max: f64::MAX, exclusive: false };
+    Spec { name, kind, default: Default::Float(default), pending: false, nullable: true, unit: "", doc, source }
 }
 
 const POSITIVE: Kind = Kind::Float { min: 0.0, max: f64::MAX, exclusive: true };
-const LEVEL: Kind = Kind::Int { min: 0, max: 16, only: &[] };
 
 /// The table of all settings, in the order in which they are documented.
 pub const SPECS: &[Spec] = &[
@@ -170,7 +182,7 @@ pub const SPECS: &[Spec] = &[
     choice(
         "upsample",
         &["nearest", "bilinear", "edge-aware", "rbf"],
-        &["nearest"],
+        &["nearest", "bilinear", "edge-aware"],
         "nearest",
         "From fragments to pixels; with one fragment a pixel there is nothing to interpolate.",
         "[NW09; KJ16]",
@@ -202,10 +214,38 @@ pub const SPECS: &[Spec] = &[
         "[CPC84]",
     ),
     later("vpls", Kind::Int { min: 1, max: 1_048_576, only: &[] }, "", "Virtual point lights.", "[NW09]"),
-    later("coarsest_level", LEVEL, "level", "Level of the largest fragments.", "[NW09]"),
-    later("finest_level", LEVEL, "level", "Level of the smallest fragments.", "[NPW10]"),
-    later("depth_threshold", POSITIVE, "", "Depth discontinuity above which a fragment is split.", "[NW09]"),
-    later("normal_threshold", POSITIVE, "", "Normal discontinuity above which a fragment is split.", "[NW09]"),
+    level("coarsest_level", 4, "Level of the largest fragments.", "[NW09]"),
+    level("finest_level", 0, "Level of the smallest fragments, at most `coarsest_level`.", "[NPW10]"),
+    choice(
+        "depth_metric",
+        &["range", "derivative", "plane"],
+        &["range", "derivative", "plane"],
+        "plane",
+        "What `depth_threshold` is compared with: the range of depth (scene units), the change of depth from pixel to \
+         pixel over a pixel's width, or the distance to the mean tangent plane over the fragment's width.",
+        "[NW09; NPW10]",
+    ),
+    threshold(
+        "depth_threshold",
+        0.05,
+        "Depth discontinuity above which a fragment is split, in the unit of `depth_metric`; None: never.",
+        "[NW09]",
+    ),
+    choice(
+        "normal_metric",
+        &["component", "cone", "curvature"],
+        &["component", "cone", "curvature"],
+        "cone",
+        "What `normal_threshold` is compared with: the range of any component of the normal, its largest difference \
+         from the mean normal, or the largest curvature times the fragment's width.",
+        "[NW09; KJ16]",
+    ),
+    threshold(
+        "normal_threshold",
+        0.25,
+        "Difference of unit normals above which a fragment is split; None: never.",
+        "[NW09]",
+    ),
     later(
         "illumination_threshold",
         POSITIVE,
@@ -242,6 +282,7 @@ pub const SPECS: &[Spec] = &[
         kind: Kind::Int { min: 1, max: 4, only: &[1, 2, 4] },
         default: Default::Int(1),
         pending: false,
+        nullable: false,
         unit: "per axis",
         doc: "Internal pixels for each pixel of the image, averaged at the end; fragment maps keep the internal size.",
         source: "[NW09]",
@@ -278,6 +319,7 @@ impl Default {
         match self {
             Self::None => Value::None,
             Self::Int(i) => Value::Int(i),
+            Self::Float(f) => Value::Float(f),
             Self::Text(t) => Value::Text(t.to_owned()),
         }
     }
@@ -289,7 +331,7 @@ impl Spec {
     pub fn check(&self, value: &Value) -> Result<()> {
         let refuse =
             |allowed: String| Err(Error::Settings(format!("setting {} is {value:?}; allowed: {allowed}", self.name)));
-        if *value == self.default.value() {
+        if *value == self.default.value() || self.nullable && *value == Value::None {
             return Ok(());
         }
         if self.pending {
@@ -317,6 +359,7 @@ impl Spec {
             {
                 Ok(())
             }
+            (Kind::Float { .. }, Value::Int(i)) => self.check(&Value::Float(*i as f64)),
             (Kind::Float { min, max, .. }, _) => refuse(format!("numbers from {min} to {max}")),
         }
     }
@@ -363,6 +406,15 @@ impl Settings {
         }
     }
 
+    /// A real number, or none.
+    pub fn float(&self, name: &str) -> Option<f64> {
+        match self.0.get(name) {
+            Some(Value::Float(f)) => Some(*f),
+            Some(Value::Int(i)) => Some(*i as f64),
+            _ => None,
+        }
+    }
+
     /// Whether a choice is `text`.
     pub fn is(&self, name: &str, text: &str) -> bool {
         matches!(self.0.get(name), Some(Value::Text(t)) if t == text)
@@ -370,32 +422,4 @@ impl Settings {
 }
 
 #[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn every_default_passes_its_own_check_and_names_are_unique() {
-        let mut names: Vec<_> = SPECS.iter().map(|s| s.name).collect();
-        names.sort_unstable();
-        names.dedup();
-        assert_eq!(names.len(), SPECS.len());
-        for spec in SPECS {
-            assert!(spec.check(&spec.default.value()).is_ok(), "{}", spec.name);
-            if let (Kind::Choice { choices, available }, Default::Text(text)) = (spec.kind, spec.default) {
-                assert!(available.contains(&text) && available.iter().all(|a| choices.contains(a)), "{}", spec.name);
-            }
-        }
-    }
-
-    #[test]
-    fn refuses_unknown_names_ranges_and_what_is_not_there_yet() {
-        let error = |name, value| Settings::new([(name, value)]).unwrap_err().to_string();
-        assert!(error("ligth_samples", Value::Int(4)).contains("ligth_samples"));
-        assert!(error("light_samples", Value::Int(0)).contains("1 to 4096"));
-        assert!(error("supersample", Value::Int(3)).contains("[1, 2, 4]"));
-        assert!(error("indirect", Value::Text("lpv".into())).contains("not available yet"));
-        assert!(error("indirect", Value::Text("magic".into())).contains("final-gather"));
-        assert!(error("target_error", Value::Float(0.01)).contains("not available yet"));
-        assert!(Settings::new([("seed", Value::Int(7))]).is_ok());
-    }
-}
+mod tests;

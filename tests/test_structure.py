@@ -29,7 +29,16 @@ from tests.structure_rules import (
 LIMITS = {".rs": 400, ".py": 400, ".wgsl": 250}
 FUNCTION_LIMIT = 60
 # Rust files beside the passes that are no passes: what they share, and the inside of the native trace.
-NO_PASS = {"mod", "arena", "scene_buffers", "trace_native", "trace_wgsl", "tree_upload", "placed"}
+NO_PASS = {
+    "mod",
+    "arena",
+    "scene_buffers",
+    "trace_native",
+    "trace_wgsl",
+    "tree_upload",
+    "placed",
+    "fragments",
+}
 # Two shaders of one pass: closest and any hits, and shadow rays that are made where they are traced.
 RUST_OF = {"visibility/shadow": "visibility/trace"}
 

@@ -9,6 +9,7 @@ pub mod indirect;
 pub mod lights;
 pub mod refine;
 pub mod scene_buffers;
+pub mod upsample;
 pub mod visibility;
 
 use bytemuck::{Pod, Zeroable};

@@ -61,7 +61,7 @@ fn spec_to_python<'py>(py: Python<'py>, spec: &Spec) -> PyResult<Bound<'py, PyDi
     let row = PyDict::new(py);
     row.set_item("name", spec.name)?;
     row.set_item("default", value_to_python(py, &spec.default.value())?)?;
-    row.set_item("nullable", matches!(spec.default, Default::None))?;
+    row.set_item("nullable", spec.nullable || matches!(spec.default, Default::None))?;
     row.set_item("pending", spec.pending)?;
     row.set_item("unit", spec.unit)?;
     row.set_item("doc", spec.doc)?;

@@ -20,9 +20,10 @@ from miplight._table import KNOBS, PRESETS, Knob
 
 # what every preset sets and a study may sweep
 NAMES = """direct indirect bounces indirect_visibility refine visibility visibility_reuse specular_visibility
-    upsample form_factor light_samples light_pattern vpls coarsest_level finest_level depth_threshold
-    normal_threshold illumination_threshold bit_threshold light_cut_threshold voxel_resolution voxel_bias
-    interleave specular supersample seed target_error budget_ms""".split()
+    upsample form_factor light_samples light_pattern vpls coarsest_level finest_level depth_metric
+    depth_threshold normal_metric normal_threshold illumination_threshold bit_threshold
+    light_cut_threshold voxel_resolution voxel_bias interleave specular supersample seed target_error
+    budget_ms""".split()
 PAPERS = ("splatting-2009", "radiosity-2009", "hierarchical-2009", "area-2010", "area-2016")
 
 
@@ -73,6 +74,8 @@ def test_help_shows_ranges_defaults_and_what_is_not_there_yet() -> None:
         ({"light_pattern": "jitter"}, ["'jitter'", "did you mean 'jittered'"]),
         ({"indirect": "lpv"}, ["indirect='lpv'", "not available yet", "'final-gather'"]),
         ({"refine": "iterative"}, ["not available yet", "'none'"]),
+        ({"depth_threshold": -0.5}, ["-0.5", "from 0", "or None"]),
+        ({"coarsest_level": 17}, ["17", "up to 16"]),
         ({"specular": True}, ["not available yet"]),
         ({"target_error": 0.01}, ["'target_error'", "not available yet", "0.01"]),
         ({"budget_ms": 5}, ["'budget_ms'", "not available yet"]),

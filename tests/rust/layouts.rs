@@ -7,6 +7,7 @@ use miplight::gpu::{self, Gpu, Usage, never};
 use miplight::host_layout;
 use miplight::passes::composite::composite::CompositeParams;
 use miplight::passes::composite::downsample::DownsampleParams;
+use miplight::passes::gather::fragment_receivers::FragmentReceiversParams;
 use miplight::passes::gather::gather::GatherParams;
 use miplight::passes::gather::irradiance::IrradianceParams;
 use miplight::passes::gather::receivers::ReceiversParams;
@@ -16,7 +17,9 @@ use miplight::passes::lights::light_samples::LightSamplesParams;
 use miplight::passes::refine::compact::CompactParams;
 use miplight::passes::refine::light_bounds::{LightBoundsParams, LightFrame, TileBounds};
 use miplight::passes::refine::list_params::{self, ListParams};
+use miplight::passes::refine::one_pass::OnePassParams;
 use miplight::passes::refine::penumbra::PenumbraParams;
+use miplight::passes::refine::pyramid::Pyramid;
 use miplight::passes::refine::uniform_levels::UniformLevelsParams;
 use miplight::passes::visibility::prove::ProveParams;
 use miplight::passes::visibility::{Hit, Ray, Receiver};
@@ -33,6 +36,8 @@ fn twins() -> Vec<(Layout, &'static str, &'static str)> {
     let composite = host_layout!(CompositeParams { direct, indirect, pad0, pad1 });
     let downsample = host_layout!(DownsampleParams { width, height, factor, pad });
     let compact = host_layout!(CompactParams { items, mask, value, scanned });
+    let fragments = host_layout!(FragmentReceiversParams { first, patterns, seed, pad });
+    let pyramid = host_layout!(Pyramid { levels, coarsest, finest, level, pixel_width });
     let receivers = host_layout!(ReceiversParams { width, height, first, patterns, seed, pad0, pad1, pad2 });
     let node = host_layout!(LightNode { place, pad, moment });
     let moments = host_layout!(MomentsParams { mean, cell_area, fine, coarse, pad0, pad1 });
@@ -51,6 +56,9 @@ fn twins() -> Vec<(Layout, &'static str, &'static str)> {
         (light_samples(), "passes/lights/light_samples", "LightSamplesParams"),
         (receivers, "passes/gather/receivers", "ReceiversParams"),
         (gather, "common/gather_params", "GatherParams"),
+        (fragments, "passes/gather/fragment_receivers", "FragmentReceiversParams"),
+        (pyramid, "common/pyramid", "Pyramid"),
+        (one_pass(), "passes/refine/one_pass", "OnePassParams"),
         (compact, "passes/refine/compact", "CompactParams"),
         (composite, "passes/composite/composite", "CompositeParams"),
         (downsample, "passes/composite/downsample", "DownsampleParams"),
@@ -102,6 +110,19 @@ fn adaptive() -> Vec<(Layout, &'static str, &'static str)> {
         (levels, "passes/refine/uniform_levels", "UniformLevelsParams"),
         (penumbra, "passes/refine/penumbra", "PenumbraParams"),
     ]
+}
+
+fn one_pass() -> Layout {
+    host_layout!(OnePassParams {
+        depth_threshold,
+        normal_threshold,
+        depth_metric,
+        normal_metric,
+        lights,
+        pad0,
+        pad1,
+        pad2
+    })
 }
 
 fn view() -> Layout {

@@ -1,6 +1,8 @@
 //! Direct light: shading points, which samples they see, and their sum.
 
 pub mod adaptive;
+pub mod fragment_receivers;
+pub mod fragments;
 #[allow(clippy::module_inception, reason = "the pass has the name of its stage")]
 pub mod gather;
 pub mod gather_ratio;
@@ -53,6 +55,9 @@ fn chunk_len(context: &Context<'_, '_>, strata: u32) -> usize {
 pub fn record(context: &mut Context<'_, '_>, gbuffer: &GBuffer) -> Result<Direct> {
     if plan::is_adaptive(context.settings) {
         return adaptive::record(context, gbuffer);
+    }
+    if plan::has_fragments(context.settings) {
+        return fragments::record(context, gbuffer);
     }
     let irradiance = context.resources.buffer("direct_irradiance", context.view.pixels())?;
     let active = context.resources.buffer("active_receivers", 1)?;

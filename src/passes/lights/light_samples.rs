@@ -122,7 +122,7 @@ pub fn blocks(context: &mut Context<'_, '_>, light: usize) -> Result<(LightSampl
 /// [`LightSamples::boosts`] of a light of one colour.
 const AS_MOST: u32 = 0x5555_5555;
 /// Mean radiance of a block over the light's from which on it is bright, and up to which it is dim.
-const BRIGHT: f32 = 1.5;
+const BRIGHT: f32 = 1.25;
 const DIM: f32 = 0.3;
 /// Texels that are looked at along each edge of a block.
 const PROBES: usize = 16;

@@ -10,7 +10,7 @@ use crate::passes::{Context, GBuffer};
 
 /// Penumbra widths, pixels, from which on a cell's own answers suffice, one stratum of each block, four of it; and below
 /// which nothing is averaged.
-const UNTRACED: f32 = 96.0;
+const UNTRACED: f32 = 48.0;
 const ONE: f32 = 32.0;
 const FOUR: f32 = 0.0;
 const NARROW: f32 = 2.0;

@@ -118,6 +118,17 @@ SHADOW = np.dtype(
     ]
 )
 COMPOSITE = np.dtype(_fields("direct", "indirect", "pad0", "pad1"))
+FRAGMENT_RECEIVERS = np.dtype(_fields("first", "patterns", "seed", "pad"))
+PYRAMID = np.dtype(
+    [("levels", "<u4", (17, 4)), *_fields("coarsest", "finest", "level"), ("pixel_width", "<f4")]
+)
+ONE_PASS = np.dtype(
+    [
+        ("depth_threshold", "<f4"),
+        ("normal_threshold", "<f4"),
+        *_fields("depth_metric", "normal_metric", "lights", "pad0", "pad1", "pad2"),
+    ]
+)
 COMPACT = np.dtype(_fields("items", "mask", "value", "scanned"))
 DOWNSAMPLE = np.dtype(_fields("width", "height", "factor", "pad"))
 

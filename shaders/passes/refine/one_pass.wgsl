@@ -1,0 +1,191 @@
+// One-pass refinement [NSW09 Sec. 3.2.1]: every texel decides alone whether it is a fragment: it is clean, or of the
+// finest level, and no texel that holds it is. Deviation: all of those are asked, not the parent alone, because a metric
+// relative to the fragment's width may be clean above and rough below.
+//   cull      which pixels any light may reach; a texel is culled when none of its pixels is
+//   classify  which texels are rough, from the pyramid
+//   choose    level and reason of every pixel, and the first pixel of every fragment
+// In: G-buffer, pyramid, lights. Out: texel_state, level_map, reason_map, fragment_flags, fragment_at.
+
+import package::common::fragment::{
+    CULLED, FACES_AWAY, FRAGMENT, LEVEL_CULLED, LEVEL_NOTHING, LIES_BEHIND, LIT, ON_SURFACE, REASON_BEHIND_LIGHT,
+    REASON_COARSEST, REASON_DEPTH, REASON_EMITTER, REASON_FACING_AWAY, REASON_NORMAL, REASON_NOTHING, ROUGH,
+    ROUGH_DEPTH, ROUGH_NORMAL,
+};
+import package::common::gbuffer::{NOTHING, SURFACE, floats};
+import package::common::grid::{Grid, item_index};
+import package::common::light::{Light, SPOT, light_at, lights};
+import package::common::pyramid::{footprint, level_of, pyramid, texel_number, texel_of};
+import package::common::tiles::pixel_in_tile_order;
+import package::common::view::View;
+
+struct OnePassParams {
+    depth_threshold: f32,
+    normal_threshold: f32,
+    depth_metric: u32,      // 0 none, 1 range, 2 derivative, 3 plane
+    normal_metric: u32,     // 0 none, 1 component, 2 cone, 3 curvature
+    lights: u32,
+    pad0: u32,
+    pad1: u32,
+    pad2: u32,
+}
+
+@group(0) @binding(30) var<uniform> grid: Grid;
+@group(0) @binding(0) var<uniform> params: OnePassParams;
+@group(0) @binding(2) var<uniform> view: View;
+@group(0) @binding(3) var<storage, read> g_position: array<vec4u>;
+@group(0) @binding(4) var<storage, read> g_normal: array<vec4u>;
+@group(0) @binding(5) var<storage, read> g_geometric: array<vec4u>;
+@group(0) @binding(6) var<storage, read> means: array<vec4u>;
+@group(0) @binding(7) var<storage, read> ranges: array<vec4f>;
+@group(0) @binding(8) var<storage, read> spreads: array<f32>;
+@group(0) @binding(9) var<storage, read_write> marks: array<atomic<u32>>;   // texel_state
+@group(0) @binding(10) var<storage, read_write> texel_state: array<u32>;
+@group(0) @binding(11) var<storage, read_write> level_map: array<u32>;
+@group(0) @binding(12) var<storage, read_write> reason_map: array<u32>;
+@group(0) @binding(13) var<storage, read_write> fragment_flags: array<u32>;
+@group(0) @binding(14) var<storage, read_write> fragment_at: array<u32>;
+
+// What a light may do to a point p with geometric normal n: LIT, FACES_AWAY or LIES_BEHIND. Where rounding could tell
+// otherwise it counts as lit.
+fn reach(light: Light, p: vec3f, n: vec3f) -> u32 {
+    let q = light.corner - p;
+    let slack = 1e-5 * (length(q) + length(light.edge_u) + length(light.edge_v));
+    let height = -dot(light.normal, q);
+    var behind = height < -slack && !light.two_sided;
+    if light.kind == SPOT {
+        behind = height < light.cos_cutoff * length(q) - slack;
+    }
+    let far_corner = max(max(0.0, dot(n, light.edge_u)), max(dot(n, light.edge_v), dot(n, light.edge_u + light.edge_v)));
+    let away = dot(n, q) + select(far_corner, 0.0, light.kind == SPOT) < -slack;
+    return select(select(LIT, FACES_AWAY, away), LIES_BEHIND, behind);
+}
+
+// What all lights together may do: the best of what each may.
+fn reached(at: u32) -> u32 {
+    let p = floats(g_position[at]);
+    let n = floats(g_geometric[at]);
+    var found = LIES_BEHIND;
+    for (var k = 0u; k < params.lights && (found & LIT) == 0u; k++) {
+        found |= reach(light_at(k), p, n);
+    }
+    // LIT, FACES_AWAY, LIES_BEHIND from the lowest bit on.
+    return found & (~found + 1u);
+}
+
+// A thread for each block of 2 x 2 pixels.
+@compute @workgroup_size(64)
+fn cull(
+    @builtin(workgroup_id) group: vec3u,
+    @builtin(num_workgroups) groups: vec3u,
+    @builtin(local_invocation_index) lane: u32,
+) {
+    let i = item_index(grid, group, groups, 64u, lane);
+    if i >= grid.end {
+        return;
+    }
+    let first = texel_of(pyramid.levels[1], i);
+    var any_of = 0u;
+    for (var k = 0u; k < 4u; k++) {
+        let pixel = 2u * first + vec2u(k & 1u, k >> 1u);
+        let at = pixel.y * pyramid.levels[0].x + pixel.x;
+        if all(pixel < pyramid.levels[0].xy) && g_normal[at].w == SURFACE {
+            let found = reached(at);
+            any_of |= found;
+            atomicOr(&marks[at], found);
+        }
+    }
+    if any_of != 0u {
+        for (var level = 1u; level <= pyramid.coarsest; level++) {
+            atomicOr(&marks[texel_number(pyramid.levels[level], first >> vec2u(level - 1u))], any_of);
+        }
+    }
+}
+
+// The chord between unit normals 2 sin(angle / 2) is what the normal metrics compare.
+fn normal_change(slot: u32, width: f32) -> f32 {
+    let apart = ranges[2u * slot + 1u].xyz - ranges[2u * slot].xyz;
+    let component = max(apart.x, max(apart.y, apart.z));
+    let cone = sqrt(2.0 * spreads[2u * slot + 1u]);
+    let curvature = bitcast<f32>(means[3u * slot + 1u].w) * width;
+    return select(select(component, cone, params.normal_metric == 2u), curvature, params.normal_metric == 3u);
+}
+
+fn depth_change(slot: u32) -> f32 {
+    let range = ranges[2u * slot + 1u].w - ranges[2u * slot].w;
+    let slope = bitcast<f32>(means[3u * slot + 2u].w);
+    return select(select(range, slope, params.depth_metric == 2u), spreads[2u * slot], params.depth_metric == 3u);
+}
+
+// A thread for each texel from level 1 on.
+@compute @workgroup_size(64)
+fn classify(
+    @builtin(workgroup_id) group: vec3u,
+    @builtin(num_workgroups) groups: vec3u,
+    @builtin(local_invocation_index) lane: u32,
+) {
+    let slot = item_index(grid, group, groups, 64u, lane);
+    if slot >= grid.end {
+        return;
+    }
+    let number = pyramid.levels[1].z + slot;
+    let level = level_of(number);
+    let size = pyramid.levels[level];
+    let pixels = footprint(level, texel_of(size, number - size.z));
+    let surfaces = means[3u * slot].w;
+    let depth = dot(view.eye - floats(means[3u * slot]), view.backward);
+    let width = f32(1u << level) * pyramid.pixel_width * depth;
+    let holes = surfaces < pixels.z * pixels.w;
+    var state = 0u;
+    if params.depth_metric != 0u && (holes || depth_change(slot) > params.depth_threshold) {
+        state |= ROUGH_DEPTH;
+    }
+    if params.normal_metric != 0u && normal_change(slot, width) > params.normal_threshold {
+        state |= ROUGH_NORMAL;
+    }
+    if surfaces != 0u {
+        texel_state[number] |= state;
+    }
+}
+
+// A thread for each place of the tile order.
+@compute @workgroup_size(64)
+fn choose(
+    @builtin(workgroup_id) group: vec3u,
+    @builtin(num_workgroups) groups: vec3u,
+    @builtin(local_invocation_index) lane: u32,
+) {
+    let place = item_index(grid, group, groups, 64u, lane);
+    if place >= grid.end {
+        return;
+    }
+    let pixel = pixel_in_tile_order(place, pyramid.levels[0].x);
+    if any(pixel >= pyramid.levels[0].xy) {
+        fragment_flags[place] = 0u;
+        return;
+    }
+    var level = pyramid.coarsest;
+    var number = texel_number(pyramid.levels[level], pixel >> vec2u(level));
+    var state = texel_state[number];
+    var above = 0u;
+    while level > pyramid.finest && (state & ROUGH) != 0u && (state & LIT) != 0u {
+        above = state;
+        level--;
+        number = texel_number(pyramid.levels[level], pixel >> vec2u(level));
+        state = texel_state[number];
+    }
+    let culled = (state & LIT) == 0u;
+    let finer = select(select(REASON_COARSEST, REASON_NORMAL, (above & ROUGH_NORMAL) != 0u), REASON_DEPTH, (above & ROUGH_DEPTH) != 0u);
+    let dark = select(REASON_BEHIND_LIGHT, REASON_FACING_AWAY, (state & FACES_AWAY) != 0u);
+    let at = pixel.y * pyramid.levels[0].x + pixel.x;
+    let kind = g_normal[at].w;
+    let outside = select(vec2u(LEVEL_CULLED, REASON_EMITTER), vec2u(LEVEL_NOTHING, REASON_NOTHING), kind == NOTHING);
+    let inside = select(vec2u(level, finer), vec2u(LEVEL_CULLED, dark), culled);
+    let answer = select(outside, inside, kind == SURFACE);
+    level_map[at] = answer.x;
+    reason_map[at] = answer.y;
+    let leads = (state & ON_SURFACE) != 0u && all((pixel & vec2u((1u << level) - 1u)) == vec2u(0u));
+    fragment_flags[place] = select(0u, FRAGMENT | (level + 1u), leads && !culled);
+    if leads && culled {
+        fragment_at[number] = CULLED;
+    }
+}

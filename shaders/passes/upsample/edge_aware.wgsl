@@ -1,0 +1,104 @@
+// Interpolation from level to level among texels that have light of their own level or of a coarser one, so that nothing
+// is taken from where the image was refined [NW09 Sec. 3.5], and only from those that lie near the plane of what is lit
+// and face nearly its way: never across an edge. A texel without such a neighbour keeps the light of the fragment it is in.
+//   level   level `pyramid.level` from the level above
+//   pixels  the image from level 1
+// In: fragments and their irradiance, pyramid, G-buffer. Out: irradiance a pixel.
+
+import package::common::gbuffer::{SURFACE, floats};
+import package::common::grid::{Grid, item_index};
+import package::common::illumination::{Above, above, fragment_at, fragment_irradiance, illumination, own_light};
+import package::common::pyramid::{pyramid, texel_number, texel_of};
+import package::common::view::View;
+
+@group(0) @binding(30) var<uniform> grid: Grid;
+@group(0) @binding(1) var<uniform> view: View;
+@group(0) @binding(2) var<storage, read> means: array<vec4u>;
+@group(0) @binding(3) var<storage, read> g_position: array<vec4u>;
+@group(0) @binding(4) var<storage, read> g_normal: array<vec4u>;
+@group(0) @binding(5) var<storage, read> g_geometric: array<vec4u>;
+@group(0) @binding(6) var<storage, read_write> direct_irradiance: array<vec4f>;
+
+// A neighbour counts for nothing from this distance to the plane on, over its width,
+const MOST_OFF: f32 = 0.25;
+// and from this difference of unit normals on: 41 degrees.
+const MOST_TURNED: f32 = 0.7;
+
+fn slot(number: u32) -> u32 {
+    return number - pyramid.levels[1].z;
+}
+
+fn fade(share: f32) -> f32 {
+    let left = max(1.0 - share * share, 0.0);
+    return left * left;
+}
+
+fn unit(v: vec3f) -> vec3f {
+    return v / max(length(v), 1e-6);
+}
+
+// How far the texel in row `at` of `means`, of `level`, lies on the surface through p with these normals.
+fn alike(at: u32, level: u32, p: vec3f, normal: vec3f, across: vec3f) -> f32 {
+    let middle = floats(means[3u * at]);
+    let width = f32(1u << level) * pyramid.pixel_width * max(dot(view.eye - middle, view.backward), 1e-30);
+    let step = middle - p;
+    let off = max(abs(dot(across, step)), abs(dot(unit(floats(means[3u * at + 2u])), step)));
+    let turned = length(unit(floats(means[3u * at + 1u])) - normal);
+    let there = select(0.0, 1.0, means[3u * at].w != 0u);
+    return there * fade(off / (MOST_OFF * width)) * fade(turned / MOST_TURNED);
+}
+
+// At the centre of `texel` of the level below `level`, where the surface through p has these normals.
+fn interpolated(level: u32, texel: vec2u, p: vec3f, normal: vec3f, across: vec3f) -> vec4f {
+    let size = pyramid.levels[level];
+    let home = illumination[slot(texel_number(size, texel >> vec2u(1u)))];
+    var sum = vec4f(0.0);
+    for (var k = 0u; k < 4u; k++) {
+        let at = above(texel, size, k, level == 1u);
+        let row = slot(texel_number(size, at.texel));
+        let light = illumination[row];
+        sum += light.w * at.weight * alike(row, level, p, normal, across) * vec4f(light.xyz, 1.0);
+    }
+    let found = select(home.xyz, sum.xyz / max(sum.w, 1e-30), sum.w > 1e-12);
+    return vec4f(select(vec3f(0.0), found, home.w > 0.0), home.w);
+}
+
+@compute @workgroup_size(64)
+fn level(
+    @builtin(workgroup_id) group: vec3u,
+    @builtin(num_workgroups) groups: vec3u,
+    @builtin(local_invocation_index) lane: u32,
+) {
+    let i = item_index(grid, group, groups, 64u, lane);
+    if i >= grid.end {
+        return;
+    }
+    let size = pyramid.levels[pyramid.level];
+    let at = slot(size.z + i);
+    var light = own_light(size.z + i);
+    if light.w == 0.0 && pyramid.level < pyramid.coarsest && means[3u * at].w != 0u {
+        let normal = unit(floats(means[3u * at + 1u]));
+        let across = unit(floats(means[3u * at + 2u]));
+        light = interpolated(pyramid.level + 1u, texel_of(size, i), floats(means[3u * at]), normal, across);
+    }
+    illumination[at] = light;
+}
+
+@compute @workgroup_size(64)
+fn pixels(
+    @builtin(workgroup_id) group: vec3u,
+    @builtin(num_workgroups) groups: vec3u,
+    @builtin(local_invocation_index) lane: u32,
+) {
+    let i = item_index(grid, group, groups, 64u, lane);
+    if i >= grid.end {
+        return;
+    }
+    let surface = g_normal[i].w == SURFACE;
+    var light = own_light(i);
+    if surface && light.w == 0.0 && pyramid.coarsest > 0u {
+        let texel = texel_of(pyramid.levels[0], i);
+        light = interpolated(1u, texel, floats(g_position[i]), floats(g_normal[i]), floats(g_geometric[i]));
+    }
+    direct_irradiance[i] = vec4f(select(vec3f(0.0), light.xyz, surface), 0.0);
+}

@@ -1,0 +1,46 @@
+//! Direct light of fragments: refine, gather at one point of each, upsample. Irradiance alone, so that albedo stays sharp.
+
+use super::gather::Gathered;
+use super::{Direct, chunk_len, fragment_receivers, shade};
+use crate::error::Result;
+use crate::gpu::Buffer;
+use crate::passes::lights::light_samples;
+use crate::passes::refine::one_pass;
+use crate::passes::visibility::Receiver;
+use crate::passes::{Context, GBuffer, upsample};
+
+/// Direct irradiance of every pixel from that of its fragment and its neighbours.
+///
+/// # Errors
+/// Those of the device; `Settings` for levels in the wrong order; `Cancelled`.
+pub fn record(context: &mut Context<'_, '_>, gbuffer: &GBuffer) -> Result<Direct> {
+    let samples = light_samples::record(context)?;
+    let fragments = one_pass::record(context, gbuffer)?;
+    let arguments = &fragments.arguments;
+    let count = context.recorder.host("fragment_list", |gpu, _| Ok(gpu.read(arguments)?[3] as usize))?;
+    let active = context.resources.buffer("active_receivers", 1)?;
+    active.write(context.recorder.gpu(), 0, &[count as u32])?;
+    let own: Buffer<[f32; 4]> = context.resources.buffer("fragment_irradiance", count)?;
+    context.recorder.clear(&own)?;
+    let most = samples.iter().map(|s| s.strata).max().unwrap_or(1);
+    let words = if context.settings.is("visibility", "none") { 0 } else { most.div_ceil(32) as usize };
+    let len = chunk_len(context, most).min(count);
+    let receivers: Buffer<Receiver> = context.resources.buffer("receivers", len)?;
+    let visibility: Buffer<u32> = context.resources.buffer("visibility", (len * words).max(1))?;
+    let mut first = 0;
+    while first < count {
+        let chunk = len.min(count - first);
+        fragment_receivers::record(context, gbuffer, &fragments, first, chunk, &receivers)?;
+        for light in &samples {
+            let (receivers, visibility, irradiance) = (&receivers, &visibility, &own);
+            shade(context, &Gathered { light, receivers, visibility, count: chunk, traced: words > 0, irradiance })?;
+        }
+        first += chunk;
+    }
+    let irradiance = upsample::record(context, gbuffer, &fragments, &own)?;
+    let samples = samples.iter().map(|s| u64::from(s.strata)).sum();
+    let levels = Some([fragments.level_map, fragments.reason_map]);
+    let why = "every pixel is culled or sees nothing";
+    let empty = if count == 0 { vec![("direct/fragment_receivers", why), ("direct/shadow", why)] } else { vec![] };
+    Ok(Direct { irradiance, active, samples, levels, empty })
+}

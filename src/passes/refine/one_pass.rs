@@ -1,0 +1,163 @@
+//! One-pass refinement: the level of every pixel, why, and the list of fragments.
+
+use bytemuck::{Pod, Zeroable};
+
+use crate::error::{Error, Result};
+use crate::gpu::{Buffer, Usage};
+use crate::passes::refine::compact;
+use crate::passes::refine::pyramid::{self, Pyramid, Texels};
+use crate::passes::{Context, GBuffer};
+use crate::settings::Settings;
+
+/// Bit of `fragment_flags`; twin of `FRAGMENT` in `shaders/common/fragment.wgsl`.
+pub const FRAGMENT: u32 = 256;
+
+/// Twin of `OnePassParams` in `shaders/passes/refine/one_pass.wgsl`.
+#[repr(C)]
+#[derive(Debug, Clone, Copy, PartialEq, Pod, Zeroable)]
+pub struct OnePassParams {
+    /// In the unit of the metric.
+    pub depth_threshold: f32,
+    /// Difference of unit normals.
+    pub normal_threshold: f32,
+    /// 0 none, 1 range, 2 derivative, 3 plane.
+    pub depth_metric: u32,
+    /// 0 none, 1 component, 2 cone, 3 curvature.
+    pub normal_metric: u32,
+    /// Lights in the table.
+    pub lights: u32,
+    /// Unused.
+    pub pad0: u32,
+    /// Unused.
+    pub pad1: u32,
+    /// Unused.
+    pub pad2: u32,
+}
+
+impl OnePassParams {
+    /// As the settings say; a metric without a threshold is left out.
+    pub fn new(settings: &Settings, lights: usize) -> Self {
+        let metric = |name: &str, threshold: &str, choices: [&str; 3]| {
+            let number = choices.iter().position(|choice| settings.is(name, choice)).map_or(0, |i| i as u32 + 1);
+            settings.float(threshold).map_or((0, 0.0), |t| (number, t as f32))
+        };
+        let (depth_metric, depth_threshold) =
+            metric("depth_metric", "depth_threshold", ["range", "derivative", "plane"]);
+        let (normal_metric, normal_threshold) =
+            metric("normal_metric", "normal_threshold", ["component", "cone", "curvature"]);
+        let lights = lights as u32;
+        Self { depth_threshold, normal_threshold, depth_metric, normal_metric, lights, ..Self::zeroed() }
+    }
+
+    /// Whether the largest deviations from plane and normal are looked at.
+    pub fn needs_spreads(&self) -> bool {
+        self.depth_metric == 3 || self.normal_metric == 2
+    }
+}
+
+/// The fragments of a frame.
+#[derive(Debug, Clone)]
+pub struct Fragments {
+    /// The pyramid they were chosen from.
+    pub texels: Texels,
+    /// Level a pixel, 254 culled, 255 nothing.
+    pub level_map: Buffer<u32>,
+    /// Reason a pixel.
+    pub reason_map: Buffer<u32>,
+    /// A place of the tile order: [`FRAGMENT`] and level + 1 at a fragment's first pixel, else 0.
+    pub flags: Buffer<u32>,
+    /// A texel: 0 no fragment, 1 + its number in the list, `u32::MAX` culled.
+    pub at: Buffer<u32>,
+    /// Places of the first pixels of all fragments, in tile order.
+    pub list: Buffer<u32>,
+    /// Arguments of a dispatch over the list, and its length.
+    pub arguments: Buffer<u32>,
+}
+
+/// Levels as the settings say.
+///
+/// # Errors
+/// `Settings` when the coarsest level is finer than the finest.
+pub fn levels(context: &Context<'_, '_>) -> Result<Pyramid> {
+    let [coarsest, finest] = ["coarsest_level", "finest_level"].map(|name| context.settings.int(name));
+    if coarsest < finest {
+        return Err(Error::Settings(format!(
+            "setting coarsest_level is {coarsest} and finest_level {finest}; allowed: coarsest_level >= finest_level"
+        )));
+    }
+    Ok(Pyramid::new(&context.view, coarsest, finest))
+}
+
+/// Chooses the fragments of a frame and lists them.
+///
+/// # Errors
+/// Those of the device; `Settings` as [`levels`].
+pub fn record(context: &mut Context<'_, '_>, gbuffer: &GBuffer) -> Result<Fragments> {
+    let pyramid = levels(context)?;
+    let params = OnePassParams::new(context.settings, context.prepared.lights);
+    let texels = pyramid::record(context, gbuffer, pyramid, params.needs_spreads())?;
+    let state: Buffer<u32> = context.resources.buffer("texel_state", pyramid.texels())?;
+    context.recorder.clear(&state)?;
+    cull(context, gbuffer, &pyramid, params, &state)?;
+    if pyramid.coarsest > pyramid.finest {
+        let kernel = context.kernel("refine/one_pass", "classify")?;
+        let pass = context.recorder.pass("one_pass", &kernel).uniform("params", &params).uniform("pyramid", &pyramid);
+        let pass = pass.uniform("view", &context.view).bind("means", &texels.means).bind("ranges", &texels.ranges);
+        pass.bind("spreads", &texels.spreads).bind("texel_state", &state).dispatch(pyramid.texels_above())?;
+    }
+    choose(context, gbuffer, texels, &state)
+}
+
+fn cull(
+    context: &mut Context<'_, '_>,
+    gbuffer: &GBuffer,
+    pyramid: &Pyramid,
+    params: OnePassParams,
+    state: &Buffer<u32>,
+) -> Result<()> {
+    let kernel = context.kernel("refine/one_pass", "cull")?;
+    let lights = context.scene.lights()?;
+    let pass = context.recorder.pass("one_pass", &kernel).uniform("params", &params).uniform("pyramid", pyramid);
+    let pass = pass.bind("g_position", &gbuffer.position).bind("g_normal", &gbuffer.normal);
+    let pass = pass.bind("g_geometric", &gbuffer.geometric).bind("lights", lights).bind("marks", state);
+    pass.dispatch(pyramid.levels[1][3] as usize)
+}
+
+fn choose(context: &mut Context<'_, '_>, gbuffer: &GBuffer, texels: Texels, state: &Buffer<u32>) -> Result<Fragments> {
+    let (pixels, places) = (context.view.pixels(), context.view.tiled as usize);
+    let (pool, pyramid) = (&mut *context.resources, texels.pyramid);
+    let fragments = Fragments {
+        level_map: pool.buffer("level_map", pixels)?,
+        reason_map: pool.buffer("reason_map", pixels)?,
+        flags: pool.buffer("fragment_flags", places)?,
+        at: pool.buffer("fragment_at", pyramid.texels())?,
+        list: pool.buffer("fragment_list", places)?,
+        arguments: pool.buffer_for("fragment_arguments", 4, Usage::Indirect)?,
+        texels,
+    };
+    context.recorder.clear(&fragments.at)?;
+    let kernel = context.kernel("refine/one_pass", "choose")?;
+    let pass = context.recorder.pass("one_pass", &kernel).uniform("pyramid", &pyramid);
+    let pass = pass.bind("g_normal", &gbuffer.normal).bind("texel_state", state);
+    let pass = pass.bind("level_map", &fragments.level_map).bind("reason_map", &fragments.reason_map);
+    let pass = pass.bind("fragment_flags", &fragments.flags).bind("fragment_at", &fragments.at);
+    pass.dispatch(places)?;
+    let (flags, list, arguments) = (&fragments.flags, &fragments.list, &fragments.arguments);
+    compact::record(context, "fragment_list", flags, places, FRAGMENT, FRAGMENT, list, arguments)?;
+    Ok(fragments)
+}
+
+/// Lists the fragments of one level: places of their first pixels, and the arguments of a dispatch over them.
+///
+/// # Errors
+/// Those of the device.
+pub fn level_list(
+    context: &mut Context<'_, '_>,
+    fragments: &Fragments,
+    level: u32,
+    list: &Buffer<u32>,
+    arguments: &Buffer<u32>,
+) -> Result<()> {
+    let (places, value) = (context.view.tiled as usize, FRAGMENT | (level + 1));
+    compact::record(context, "fragment_list", &fragments.flags, places, u32::MAX, value, list, arguments)
+}
