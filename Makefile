@@ -58,6 +58,10 @@ test-python: setup ## The Python tests
 bench: setup ## Measure passes, rays, errors and Mitsuba; writes benches/results
 	$(BIN)/python benches/run.py
 
+.PHONY: bench-claims
+bench-claims: setup ## Hold the claims about direct light against Mitsuba and brute force; writes benches/results
+	$(BIN)/python benches/claims.py --sizes 256 512 1024 --write
+
 .PHONY: bench-gpu
 bench-gpu: setup ## The same on a GPU, without Mitsuba
 	$(BIN)/python benches/run.py --adapter gpu --no-mitsuba

@@ -16,7 +16,7 @@ _COLUMNS = {
     "wall_ms": ("ms", 8, ".1f"),
 }
 HEAD = (
-    f"{'scene':<16}{'size':>5}"
+    f"{'scene':<18}{'size':>5}"
     + "".join(f"{title:>{width + 1}}" for title, width, _ in _COLUMNS.values())
     + f"{'peer ms':>10}{'faster':>8}  verdict"
 )
@@ -35,7 +35,8 @@ def line(row: dict[str, Any]) -> str:
     widths = [width + 1 for _, width, _ in _COLUMNS.values()] + [10, 8]
     text = "".join(f"{cell:>{width}}" for cell, width in zip(_cells(row), widths, strict=True))
     verdict = f"FAIL {'; '.join(row['broken'])}" if row["broken"] else "pass"
-    return f"{row['scene']:<16}{row['size']:>5}{text}  {verdict}"
+    name = f"  {row['change']}" if row["change"] else row["scene"]
+    return f"{name:<18}{row['size']:>5}{text}  {verdict}"
 
 
 def stages(row: dict[str, Any]) -> str:
@@ -58,7 +59,8 @@ def markdown(rows: list[dict[str, Any]]) -> str:
     ]
     lines = ["| " + " | ".join(head) + " |", "|---" + "|--:" * (len(head) - 2) + "|---|"]
     for row in rows:
-        cells = [row["scene"], str(row["size"]), *_cells(row), "; ".join(row["broken"]) or "–"]
+        name = f"{row['scene']}, {row['change']}" if row["change"] else row["scene"]
+        cells = [name, str(row["size"]), *_cells(row), "; ".join(row["broken"]) or "–"]
         lines.append("| " + " | ".join(cells) + " |")
     note = (
         "Errors against Mitsuba (pixel centres, direct light), the worst 0.1 % left out, and all of them; "

@@ -6,6 +6,8 @@ import warnings
 from pathlib import Path
 
 import numpy as np
+from matplotlib import pyplot as plt
+from numpy.typing import NDArray
 
 import miplight as ml
 from miplight import demo
@@ -14,31 +16,98 @@ from miplight.notebook import auto_exposure, level_colors, png_bytes, to_srgb8
 
 OUT = Path(__file__).parent / "pictures"
 SIZE = 256
+REFERENCE_SPP = 4096
+RAYS = "rays_a_pixel"  # a resource with the shadow rays that each pixel took, if the renderer keeps one
 
 
-def main() -> None:
-    """Render once and write each stage."""
-    warnings.simplefilter("ignore", ml.SoftwareAdapterWarning)
-    OUT.mkdir(exist_ok=True)
+def _write(name: str, pixels: NDArray[np.uint8]) -> None:
+    (OUT / f"{name}.png").write_bytes(png_bytes(pixels))
+
+
+def _times(frame: ml.Frame, what: str, settings: ml.Settings) -> str:
+    stats = frame.stats
+    rows = [f"| `{name}` | {ms:.1f} |" for name, ms in stats.stages.items()]
+    head = f"{what}, {SIZE} × {SIZE}, {settings!r}, on {stats.adapter}:"
+    return "\n".join([head, "", "| pass | ms |", "|---|--:|", *rows, f"| total | {stats.total_ms:.1f} |"])
+
+
+def brute_force(renderer: ml.Renderer) -> str:
+    """Write what the baseline shows of geometry, direct and indirect light; return its times."""
     job = demo.spot_in_a_room(SIZE, SIZE)
     settings = job.settings.replace(gather_rays=256)
-    with ml.Renderer() as renderer:
-        renderer.render(job.scene, job.camera, settings)
-        frame = renderer.render(job.scene, job.camera.replace(fov_y=45.001), settings, (*IMAGES, "fragments"))
+    renderer.render(job.scene, job.camera, settings)
+    frame = renderer.render(job.scene, job.camera.replace(fov_y=45.001), settings, (*IMAGES, "fragments"))
     stops = auto_exposure(frame.image, frame.surface_mask)
     for name in ("direct", "indirect", "image"):
-        (OUT / f"{name}.png").write_bytes(png_bytes(to_srgb8(frame[name], stops)))
+        _write(name, to_srgb8(frame[name], stops))
     seen = np.isfinite(frame.depth)
     near, far = frame.depth[seen].min(), frame.depth[seen].max()
     depth = np.where(seen, 1.0 - 0.9 * (frame.depth - near) / (far - near), 0.0)
     strips = [np.repeat(depth[..., None], 3, axis=2), 0.5 + 0.5 * frame.normal, frame.albedo]
-    (OUT / "geometry.png").write_bytes(png_bytes(to_srgb8(np.concatenate(strips, axis=1))))
-    (OUT / "fragments.png").write_bytes(png_bytes(level_colors(frame.fragments.level_map)))
-    stats = frame.stats
-    rows = [f"| `{name}` | {ms:.1f} |" for name, ms in stats.stages.items()]
-    head = f"Spot in a room, {SIZE} × {SIZE}, {settings!r}, on {stats.adapter}:"
-    table = "\n".join([head, "", "| pass | ms |", "|---|--:|", *rows, f"| total | {stats.total_ms:.1f} |"])
-    (OUT / "times.md").write_text(table + "\n")
+    _write("geometry", to_srgb8(np.concatenate(strips, axis=1)))
+    _write("fragments", level_colors(frame.fragments.level_map))
+    return _times(frame, "Spot in a room", settings)
+
+
+def _map(values: NDArray[np.float64], title: str, name: str, largest: float, colors: str = "magma") -> None:
+    """A picture of one number a pixel, with its scale."""
+    figure = plt.figure(figsize=(5.6, 4.6), layout="constrained")
+    axes = figure.add_subplot()
+    shown = axes.imshow(values, cmap=colors, vmin=0.0, vmax=largest, interpolation="nearest")
+    axes.set_axis_off()
+    axes.set_title(title)
+    figure.colorbar(shown, shrink=0.8)
+    figure.savefig(OUT / f"{name}.png", dpi=100)
+    plt.close(figure)
+
+
+def _fragment_maps(frame: ml.Frame) -> None:
+    for by in ("level", "reason"):
+        figure = plt.figure(figsize=(6.4, 4.6), layout="constrained")
+        frame.fragments.plot(figure.add_subplot(), by)
+        figure.savefig(OUT / f"{by}s.png", dpi=100)
+        plt.close(figure)
+
+
+def default_direct(renderer: ml.Renderer) -> str:
+    """Write share, levels, reasons, rays and error of the default's direct light; return its times."""
+    job = demo.spot_in_a_room(SIZE, SIZE)
+    settings = ml.Settings.preset("default")
+    clear = ml.Settings.preset("brute-force").replace(visibility="none", direct_estimator="ratio")
+    outputs = ("direct", "surface_mask", "fragments")
+    unshadowed = renderer.render(job.scene, job.camera, clear, outputs)
+    kept = ()
+    try:
+        frame = renderer.render(job.scene, job.camera, settings, outputs, keep=(RAYS,))
+        kept = (RAYS,)
+    except ml.SettingsError:
+        frame = renderer.render(job.scene, job.camera, settings, outputs)
+    mask = frame.surface_mask
+    _write("default", to_srgb8(frame.direct, auto_exposure(frame.direct, mask)))
+    _write("unshadowed", to_srgb8(unshadowed.direct, auto_exposure(frame.direct, mask)))
+    full = unshadowed.direct.sum(axis=-1, dtype=np.float64)
+    share = np.where(full > 0, frame.direct.sum(axis=-1) / np.where(full > 0, full, 1.0), 0.0)
+    _map(share, "visible share of the light", "share", 1.0, "gray")
+    _fragment_maps(frame)
+    for name in kept:
+        _map(frame[name].astype(np.float64), "shadow rays a pixel", "rays", float(frame[name].max()))
+    reference = ml.mitsuba.reference(job.scene, job.camera, REFERENCE_SPP, part="direct")
+    result = ml.testing.compare(frame, reference)
+    error = np.abs(result.image - result.reference).mean(axis=-1)
+    level = float(result.reference[mask].mean())
+    title = f"error by the mean radiance; relative RMSE {result.relative_rmse:.2%}"
+    _map(np.where(mask, error / level, 0.0), title, "direct_error", 0.1)
+    return _times(frame, "Direct light by the preset default", settings)
+
+
+def main() -> None:
+    """Render and write each stage."""
+    warnings.simplefilter("ignore", ml.SoftwareAdapterWarning)
+    plt.switch_backend("Agg")
+    OUT.mkdir(exist_ok=True)
+    with ml.Renderer() as renderer:
+        times = [brute_force(renderer), default_direct(renderer)]
+    (OUT / "times.md").write_text("\n\n".join(times) + "\n")
 
 
 if __name__ == "__main__":

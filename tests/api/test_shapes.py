@@ -28,6 +28,10 @@ PLACES: dict[str, Callable[[], trimesh.Scene]] = {
     "room": shapes.room,
     "colonnade": lambda: shapes.colonnade(80_000),
     "cluttered_interior": shapes.cluttered_interior,
+    "bare_floor": shapes.bare_floor,
+    "half_unlit": shapes.half_unlit,
+    "wires_and_slats": shapes.wires_and_slats,
+    "wires_and_slats_wide": lambda: shapes.wires_and_slats("wide"),
 }
 
 
@@ -157,6 +161,51 @@ def test_the_room_has_the_walls_asked_for() -> None:
         assert mesh.face_normals[0] @ (np.array([0, 1, 0]) - mesh.triangles_center[0]) > 0
 
 
+def test_the_two_lights_over_wires_have_the_same_power() -> None:
+    small, wide = (shapes.wires_and_slats(light).metadata["lights"][0] for light in ("small", "wide"))
+    power = [np.linalg.norm(np.cross(row[3:6], row[6:9])) * row[9:] for row in (small, wide)]
+    np.testing.assert_allclose(*power)
+    assert np.linalg.norm(wide[3:6]) > 10 * np.linalg.norm(small[3:6])
+
+
+def test_the_wires_are_thinner_than_two_pixels() -> None:
+    """Between a third of a pixel and two, at 256 × 256, where they hang."""
+    place = shapes.wires_and_slats()
+    camera = ml.Camera.look_at(**place.metadata["view"], width=256, height=256)
+    ends = place.geometry["wires"].vertices.reshape(-1, 2, 6, 3)
+    radius = np.linalg.norm(ends - ends.mean(axis=2, keepdims=True), axis=-1).mean(axis=(1, 2))
+    away = np.linalg.norm(ends.mean(axis=(1, 2)) - camera.origin, axis=-1)
+    pixels = 2 * radius / away * camera.K[1, 1]
+    assert 0.2 < pixels.min() < 0.35
+    assert 1.5 < pixels.max() < 2.5
+
+
+def test_half_of_what_is_seen_is_behind_the_light() -> None:
+    place = shapes.half_unlit()
+    camera = ml.Camera.look_at(**place.metadata["view"], width=32, height=32)
+    row = place.metadata["lights"][0]
+    normal = np.cross(row[3:6], row[6:9])
+    points = camera.origin + camera.ray_directions() * camera.origin[1]
+    assert (((points - row[:3]) @ normal) < 0).mean() == 0.5
+
+
+def test_pictures_for_lights() -> None:
+    card, frame = shapes.color_card(24, 32), shapes.video_frame(48, 64, peak=60.0)
+    assert card.shape == (24, 32, 3)
+    assert frame.shape == (48, 64, 3)
+    assert card.dtype == frame.dtype == np.float32
+    turned = [card[::-1], card[:, ::-1], card[::-1, ::-1]]
+    assert all(np.abs(card - other).mean() > 0.2 * card.mean() for other in turned)
+    square = shapes.color_card(16, 16)
+    assert np.abs(square - square.swapaxes(0, 1)).mean() > 0.2 * square.mean()
+    assert card.max() == pytest.approx(30.0)
+    assert frame.max() == pytest.approx(60.0)
+    assert frame.max() > 1000 * frame.min(axis=-1).min() > 0  # as strong in contrast as a film
+    later = shapes.video_frame(48, 64, time=1.0)
+    assert np.abs(frame - later).mean() > 0.1 * frame.mean()  # and it moves
+    np.testing.assert_array_equal(frame, shapes.video_frame(48, 64, peak=60.0))
+
+
 @pytest.mark.parametrize(
     "make",
     [
@@ -173,6 +222,10 @@ def test_the_room_has_the_walls_asked_for() -> None:
         lambda: shapes.cluttered_interior(1_000),
         lambda: shapes.towers(0),
         lambda: shapes.room((1, 1)),
+        lambda: shapes.wires_and_slats("large"),
+        lambda: shapes.bare_floor(0.0),
+        lambda: shapes.color_card(0),
+        lambda: shapes.video_frame(peak=-1.0),
     ],
 )
 def test_bad_arguments(make: Callable[[], Any]) -> None:

@@ -2,7 +2,8 @@
 
     python tests/mitsuba/make_references.py [name …]
 
-Needs Mitsuba 3.9 with LLVM; a few minutes on two cores. Run it again after a change of `reference_scenes.py`.
+Needs Mitsuba 3.9 with LLVM, and MIPLIGHT_SCENES for the scans; a few minutes on two cores. Run it again
+after a change of `reference_scenes.py` or of `tests/claim_scenes.py`.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""The scenes that references are stored for: procedural, a few units across, 128 × 128 pixels."""
+"""The scenes that references are stored for, a few units across: procedural, or with a scan in them."""
 
 from __future__ import annotations
 
@@ -12,9 +12,11 @@ import trimesh
 
 import miplight as ml
 from miplight.mitsuba import Part, Reference
+from tests.claim_scenes import CLAIMS
 
 FOLDER = Path(__file__).parent / "references"
 SIZE = 128
+CLAIM_SIZE = 144
 
 SceneAndCamera = tuple[ml.Scene, ml.Camera]
 
@@ -27,6 +29,7 @@ class Stored:
     spp: int
     max_depth: int = 2
     part: Part = "direct"
+    needs_scenes: bool = False  # a scan of the folder that MIPLIGHT_SCENES names
 
     def render(self, **changes: Any) -> Reference:
         """Render it, with `spp` or others changed."""
@@ -116,6 +119,12 @@ def blind() -> SceneAndCamera:
     return scene, camera
 
 
+def _claim(name: str) -> Stored:
+    """One of the scenes that the claims about direct light are held against."""
+    claim = CLAIMS[name]
+    return Stored(lambda: claim.build(CLAIM_SIZE, CLAIM_SIZE), 8192, needs_scenes=claim.needs_scenes)
+
+
 STORED = {
     "one_light": Stored(one_light, 8192),
     "two_lights": Stored(two_lights, 8192),
@@ -126,4 +135,8 @@ STORED = {
     "one_bounce": Stored(one_light, 8192, 3, "total"),
     "one_bounce_indirect": Stored(one_light, 8192, 3, "indirect"),
     "four_bounces_indirect": Stored(one_light, 4096, 6, "indirect"),
+    "dragon_two": _claim("dragon_two"),
+    "dragon_card": _claim("dragon_card"),
+    "ribbon_video": _claim("ribbon_video"),
+    "far_near": _claim("far_near"),
 }
