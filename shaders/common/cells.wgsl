@@ -19,6 +19,7 @@ const STATE_ZONE: u32 = 3u;     // partly, or perhaps partly, in shadow
 // cell_plan: what a cell of the zone does.
 const PLAN_ZONE: u32 = 1u;
 const PLAN_TRACED: u32 = 2u;    // each pixel asks for itself
+const PLAN_CALM: u32 = 0x80u;   // little changes here: by few blocks
 const PLAN_SUBS_SHIFT: u32 = 2u;    // five bits: strata a pixel asks of a block
 const PLAN_RADIUS_SHIFT: u32 = 8u;  // two bits: of the filter
 

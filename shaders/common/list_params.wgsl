@@ -9,4 +9,8 @@ struct ListParams {
     first: u32,         // entry of the list at which this piece begins
     blocks_u: u32,      // blocks of strata along edge u; 16 / blocks_u along edge v
     reuse: u32,         // what neighbours agree on is not asked again
+    boosts: u32,        // two bits a block of strata: 0 dim, 1 as most, 2 bright
+    pad0: u32,
+    pad1: u32,
+    pad2: u32,
 }

@@ -25,11 +25,15 @@ fn asked_of_block(subs: u32, pixel: vec2u, block: u32) -> u32 {
     return select(select(0xffffu, four, subs == 4u), one, subs == 1u);
 }
 
-// What a pixel asks of a block by its cell's `agreed` word: nothing where all agree, one stratum where that is enough.
-fn asked_by_plan(agreed: u32, subs: u32, pixel: vec2u, block: u32) -> u32 {
+// What a pixel asks of a block by its cell's `agreed` word: nothing where all agree, one stratum where that is enough; of
+// bright blocks more and of dim ones less than of others.
+fn asked_by_plan(agreed: u32, subs: u32, boosts: u32, pixel: vec2u, block: u32) -> u32 {
     let same = ((agreed >> block) & 1u) != 0u;
     let once = ((agreed >> (16u + block)) & 1u) != 0u;
-    return select(asked_of_block(select(subs, 1u, once), pixel, block), 0u, same);
+    let boost = (boosts >> (2u * block)) & 3u;
+    let plain = select(subs, 1u, once);
+    let more = select(max(plain / 4u, 1u), plain, boost == 1u);
+    return select(asked_of_block(select(more, min(4u * plain, 16u), boost == 2u), pixel, block), 0u, same);
 }
 
 // A cell of 2 x 2 pixels asks each block once: which of its pixels, and which stratum of the block.

@@ -21,6 +21,7 @@ use miplight::passes::refine::one_pass::OnePassParams;
 use miplight::passes::refine::penumbra::PenumbraParams;
 use miplight::passes::refine::pyramid::Pyramid;
 use miplight::passes::refine::uniform_levels::UniformLevelsParams;
+use miplight::passes::visibility::prove::ProveParams;
 use miplight::passes::visibility::{Hit, Ray, Receiver};
 use miplight::passes::{TILE, TILE_PIXELS, View};
 use miplight::scene::prepare::{InstanceRecord, LIGHT_ROWS, NO_LIGHT, Prepared};
@@ -69,7 +70,21 @@ fn twins() -> Vec<(Layout, &'static str, &'static str)> {
 fn adaptive() -> Vec<(Layout, &'static str, &'static str)> {
     let frame = host_layout!(LightFrame { corner, extent_a, dual_u, extent_b, dual_v, two_sided, normal, cos_cutoff });
     let bounds = host_layout!(TileBounds { lo, facing, hi, pad });
-    let list = host_layout!(ListParams { width, height, light, patterns, seed, first, blocks_u, reuse });
+    let prove = host_layout!(ProveParams { width, height, pad0, pad1 });
+    let list = host_layout!(ListParams {
+        width,
+        height,
+        light,
+        patterns,
+        seed,
+        first,
+        blocks_u,
+        reuse,
+        boosts,
+        pad0,
+        pad1,
+        pad2
+    });
     let light_bounds = host_layout!(LightBoundsParams { width, height, light, unshadowed });
     let levels = host_layout!(UniformLevelsParams { width, height, slot, coarsest, own_pixels, again, last, pad });
     let penumbra = host_layout!(PenumbraParams {
@@ -89,6 +104,7 @@ fn adaptive() -> Vec<(Layout, &'static str, &'static str)> {
     vec![
         (frame, "common/light_frame", "LightFrame"),
         (bounds, "common/light_frame", "TileBounds"),
+        (prove, "passes/visibility/prove", "ProveParams"),
         (list, "common/list_params", "ListParams"),
         (light_bounds, "passes/refine/light_bounds", "LightBoundsParams"),
         (levels, "passes/refine/uniform_levels", "UniformLevelsParams"),

@@ -123,7 +123,7 @@ fn pixels(
         let word = (visible[i * WORDS + block / 2u] >> (16u * (block & 1u))) & 0xffffu;
         let same = ((agreed >> block) & 1u) != 0u;
         let all = select(0u, 0xffffu, ((agreed >> (16u + block)) & 1u) != 0u);
-        sums = add_block(sums, s, block, select(word, all, same), select(asked_by_plan(agreed, subs, pixel, block), 0xffffu, same));
+        sums = add_block(sums, s, block, select(word, all, same), select(asked_by_plan(agreed, subs, params.boosts, pixel, block), 0xffffu, same));
     }
     share[at] = share_of(sums);
 }

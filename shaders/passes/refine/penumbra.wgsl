@@ -5,7 +5,7 @@
 // In     rays and hits of penumbra_rays, zone_cells. Out: cell_width (0 where there is no zone or it is not known),
 //        cell_plan
 
-import package::common::cells::{PLAN_RADIUS_SHIFT, PLAN_SUBS_SHIFT, PLAN_TRACED, PLAN_ZONE, cell_corner, cell_index, cell_place};
+import package::common::cells::{PLAN_CALM, PLAN_RADIUS_SHIFT, PLAN_SUBS_SHIFT, PLAN_TRACED, PLAN_ZONE, cell_corner, cell_index, cell_place};
 import package::common::gbuffer::floats;
 import package::common::grid::{Grid, item_index};
 import package::common::ray::{Hit, MISS, Ray};
@@ -87,7 +87,8 @@ fn plans(
     let index = zone_cells[params.first + i];
     let width = narrowest(cell_place(index, params.width));
     let subs = select(select(16u, 4u, width >= params.four), 1u, width >= params.one);
-    let traced = select(PLAN_TRACED, 0u, width >= params.untraced);
+    let calm = (cell_plan[index] & PLAN_CALM) != 0u && width >= params.wide;
+    let traced = select(PLAN_TRACED, 0u, width >= params.untraced || calm);
     let radius = select(select(0u, 1u, width >= params.narrow), 2u, width >= params.wide);
     cell_plan[index] = PLAN_ZONE | traced | (min(subs, params.most_subs) << PLAN_SUBS_SHIFT) | (radius << PLAN_RADIUS_SHIFT);
 }

@@ -5,7 +5,7 @@
 //        half: to what, or of the others: those that lie beside, of which one answer is enough), cell_plan (PLAN_ZONE
 //        where the cell lies in the zone)
 
-import package::common::cells::{FLAT, LEAST_COSINE, PLAN_ZONE, STATE_DARK, STATE_LIT, STATE_NONE, STATE_ZONE, TILE_CELLS, cell_in_image, cell_index, cell_place};
+import package::common::cells::{FLAT, LEAST_COSINE, PLAN_CALM, PLAN_ZONE, STATE_DARK, STATE_LIT, STATE_NONE, STATE_ZONE, TILE_CELLS, cell_in_image, cell_index, cell_place};
 import package::common::grid::{Grid, item_index};
 import package::common::light_frame::{DARK, FACING, LIT};
 import package::common::list_params::ListParams;
@@ -33,6 +33,8 @@ fn bits_of(index: u32) -> u32 {
 
 // Cells on the same surface, of nine, whose agreement counts.
 const ENOUGH: u32 = 6u;
+// With no more blocks than these in doubt, all on one surface, a cell needs no answers of its pixels.
+const CALM_BLOCKS: u32 = 2u;
 
 struct Votes {
     seen: u32,      // blocks that some cell sees
@@ -109,7 +111,8 @@ fn main(
     let voted = select(0u, agreed, votes.alike >= ENOUGH && params.reuse != 0u);
     let sure = voted & ~with_beside(ALL & ~voted);
     cell_agreed[i] = sure | (((votes.seen & sure) | (voted & ~sure)) << 16u);
-    cell_plan[i] = select(0u, PLAN_ZONE, state == STATE_ZONE && all(place < cells));
+    let calm = params.reuse != 0u && votes.alike == 9u && countOneBits(ALL & ~agreed) <= CALM_BLOCKS;
+    cell_plan[i] = select(0u, PLAN_ZONE | select(0u, PLAN_CALM, calm), state == STATE_ZONE && all(place < cells));
 }
 
 // Of a spot each pixel has its own answer, and nothing is left to ask.

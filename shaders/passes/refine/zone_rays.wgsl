@@ -45,8 +45,8 @@ fn main(
     let agreed = cell_agreed[index];
     let subs = (cell_plan[index] >> PLAN_SUBS_SHIFT) & 31u;
     for (var word = 0u; word < WORDS; word++) {
-        let low = asked_by_plan(agreed, subs, pixel, 2u * word);
-        let high = asked_by_plan(agreed, subs, pixel, 2u * word + 1u);
+        let low = asked_by_plan(agreed, subs, params.boosts, pixel, 2u * word);
+        let high = asked_by_plan(agreed, subs, params.boosts, pixel, 2u * word + 1u);
         asked[i * WORDS + word] = low | (high << 16u);
     }
 }

@@ -23,10 +23,36 @@ pub const PLAN_ZONE: u32 = 1;
 /// Bit of `cell_plan`: each of its pixels asks for itself.
 pub const PLAN_TRACED: u32 = 2;
 
-/// A list on the device, and its length on the host.
+/// A list on the device, and its length once the host has read it.
 struct List {
     entries: Buffer<u32>,
+    arguments: Buffer<u32>,
     count: usize,
+}
+
+/// Records the list of the words among the first `items` of `flags` whose bits in `mask` are `value`.
+fn select(
+    context: &mut Context<'_, '_>,
+    name: &str,
+    (flags, items): (&Buffer<u32>, usize),
+    mask: u32,
+    value: u32,
+) -> Result<List> {
+    let entries = context.resources.buffer(name, items)?;
+    let arguments = context.resources.buffer_for(&format!("{name}/arguments"), 4, Usage::Indirect)?;
+    compact::record(context, "compact", flags, items, mask, value, &entries, &arguments)?;
+    Ok(List { entries, arguments, count: 0 })
+}
+
+/// Reads the lengths of lists; one wait for all of them.
+fn count<const N: usize>(context: &mut Context<'_, '_>, mut lists: [List; N]) -> Result<[List; N]> {
+    context.recorder.host("compact", |gpu, _| {
+        for list in &mut lists {
+            list.count = gpu.view(&list.arguments, 3..4)?[0] as usize;
+        }
+        Ok(())
+    })?;
+    Ok(lists)
 }
 
 /// Direct irradiance of every pixel, light by light, and the fragment maps.
@@ -134,29 +160,15 @@ impl<'g> Light<'g> {
         if !self.light.is_area() || context.settings.is("visibility", "none") {
             return Ok(self.cells.share.clone());
         }
-        let zone = self.list(context, "zone_cells", (&self.cells.plan, self.cells.count), PLAN_ZONE, PLAN_ZONE)?;
+        let plan = (&self.cells.plan, self.cells.count);
+        let zone = select(context, "zone_cells", plan, PLAN_ZONE, PLAN_ZONE)?;
+        let [zone] = count(context, [zone])?;
         found.zone_cells += zone.count;
         if zone.count == 0 {
             return Ok(self.cells.share.clone());
         }
         self.plan_zone(context, &zone)?;
         self.ask_zone(context, found)
-    }
-
-    /// Entries of `flags` whose bits in `mask` are `value`.
-    fn list(
-        &self,
-        context: &mut Context<'_, '_>,
-        name: &str,
-        (flags, items): (&Buffer<u32>, usize),
-        mask: u32,
-        value: u32,
-    ) -> Result<List> {
-        let entries = context.resources.buffer(name, items)?;
-        let arguments = context.resources.buffer_for("list_arguments", 4, Usage::Indirect)?;
-        compact::record(context, "compact", flags, items, mask, value, &entries, &arguments)?;
-        let count = context.recorder.host("compact", |gpu, _| Ok(gpu.view(&arguments, 3..4)?[0]))?;
-        Ok(List { entries, count: count as usize })
     }
 
     fn shadow_light(&self) -> ShadowLight<'_> {
@@ -206,7 +218,8 @@ impl<'g> Light<'g> {
     /// One answer a block of strata for each cell of the tiles of which nothing is proven.
     fn ask_open_tiles(&self, context: &mut Context<'_, '_>) -> Result<usize> {
         let mask = flags::FACING | flags::LIT | flags::DARK;
-        let open = self.list(context, "open_tiles", (&self.tiles.flags, self.tiles.count), mask, flags::FACING)?;
+        let open = select(context, "open_tiles", (&self.tiles.flags, self.tiles.count), mask, flags::FACING)?;
+        let [open] = count(context, [open])?;
         self.ask(
             context,
             &open,
@@ -241,9 +254,10 @@ impl<'g> Light<'g> {
     fn ask_zone(&self, context: &mut Context<'_, '_>, found: &mut Found) -> Result<Buffer<[f32; 4]>> {
         let plan = (&self.cells.plan, self.cells.count);
         let both = PLAN_ZONE | PLAN_TRACED;
-        let traced = self.list(context, "traced_cells", plan, both, both)?;
+        let traced = select(context, "traced_cells", plan, both, both)?;
+        let coarse = select(context, "coarse_cells", plan, both, PLAN_ZONE)?;
+        let [traced, coarse] = count(context, [traced, coarse])?;
         found.traced_cells += traced.count;
-        let coarse = self.list(context, "coarse_cells", plan, both, PLAN_ZONE)?;
         self.ask(
             context,
             &traced,

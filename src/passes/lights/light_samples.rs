@@ -6,6 +6,7 @@ use glam::Vec3;
 use crate::error::Result;
 use crate::gpu::Buffer;
 use crate::passes::Context;
+use crate::scene::material::Texture;
 use crate::scene::prepare::{LIGHT_ROWS, strata_grid};
 
 /// Sets of jittered points; a pixel uses one by its hash. Enough that neighbours rarely share one, few enough that a
@@ -57,6 +58,8 @@ pub struct LightSamples {
     pub two_sided: bool,
     /// Cosine of a spot's half-angle, −2 for area lights.
     pub cos_cutoff: f32,
+    /// Two bits for each of 16 blocks of strata: 0 it is dim, 1 as bright as most, 2 bright.
+    pub boosts: u32,
 }
 
 impl LightSamples {
@@ -105,12 +108,42 @@ pub fn blocks(context: &mut Context<'_, '_>, light: usize) -> Result<(LightSampl
     }
     let [length_u, length_v] = lengths(context, light);
     let [blocks_u, blocks_v] = strata_grid(16, length_u, length_v);
-    let samples = area(context, light, [4 * blocks_u, 4 * blocks_v])?;
+    let mut samples = area(context, light, [4 * blocks_u, 4 * blocks_v])?;
+    if let Some(texture) = context.prepared.light_textures.get(&light) {
+        samples.boosts = boosts(texture, [blocks_u, blocks_v]);
+    }
     let tiles: Buffer<[f32; 4]> = context.resources.buffer("radiance_tiles", 64)?;
     let grid = [2 * blocks_u, 2 * blocks_v];
     let params = LightSamplesParams { by_rows: 1, ..parameters(context, light, grid) };
     radiance(context, &params, &tiles)?;
     Ok((samples, tiles))
+}
+
+/// [`LightSamples::boosts`] of a light of one colour.
+const AS_MOST: u32 = 0x5555_5555;
+/// Mean radiance of a block over the light's from which on it is bright, and up to which it is dim.
+const BRIGHT: f32 = 1.25;
+const DIM: f32 = 0.3;
+/// Texels that are looked at along each edge of a block.
+const PROBES: usize = 16;
+
+/// Which blocks of a picture are bright.
+fn boosts(texture: &Texture, [blocks_u, blocks_v]: [u32; 2]) -> u32 {
+    let across = [blocks_u as usize * PROBES, blocks_v as usize * PROBES];
+    let (width, height) = (texture.width as usize, texture.height as usize);
+    let mut sums = [0.0_f32; 16];
+    for row in 0..across[1] {
+        for column in 0..across[0] {
+            let x = (2 * column + 1) * width / (2 * across[0]);
+            // Row 0 of the picture lies at b = 1.
+            let y = height - 1 - (2 * row + 1) * height / (2 * across[1]);
+            let texel = texture.texels[y * width + x];
+            sums[row / PROBES * blocks_u as usize + column / PROBES] += texel[0] + texel[1] + texel[2];
+        }
+    }
+    let mean = sums.iter().sum::<f32>() / 16.0;
+    let boost = |sum: f32| 1 + u32::from(sum > BRIGHT * mean) - u32::from(sum < DIM * mean);
+    sums.iter().enumerate().fold(0, |all, (block, &sum)| all | boost(sum) << (2 * block))
 }
 
 fn parameters(context: &Context<'_, '_>, light: usize, grid: [u32; 2]) -> LightSamplesParams {
@@ -165,6 +198,7 @@ fn area(context: &mut Context<'_, '_>, light: usize, grid: [u32; 2]) -> Result<L
         normal: xyz(rows[3]),
         two_sided: rows[1][3] != 0.0,
         cos_cutoff: -2.0,
+        boosts: AS_MOST,
     })
 }
 
@@ -187,5 +221,6 @@ fn spot(context: &mut Context<'_, '_>, light: usize) -> Result<LightSamples> {
         normal: xyz(rows[3]),
         two_sided: true,
         cos_cutoff: rows[4][3],
+        boosts: AS_MOST,
     })
 }

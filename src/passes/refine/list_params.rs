@@ -36,6 +36,14 @@ pub struct ListParams {
     pub blocks_u: u32,
     /// 1: what neighbours agree on is not asked again.
     pub reuse: u32,
+    /// Two bits a block of strata, see [`LightSamples::boosts`].
+    pub boosts: u32,
+    /// Unused.
+    pub pad0: u32,
+    /// Unused.
+    pub pad1: u32,
+    /// Unused.
+    pub pad2: u32,
 }
 
 impl ListParams {
@@ -50,6 +58,10 @@ impl ListParams {
             first: first as u32,
             blocks_u: light.strata_u.div_ceil(4),
             reuse: context.settings.is("visibility_reuse", "incremental").into(),
+            boosts: light.boosts,
+            pad0: 0,
+            pad1: 0,
+            pad2: 0,
         }
     }
 }

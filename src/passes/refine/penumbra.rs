@@ -11,10 +11,10 @@ use crate::passes::{Context, GBuffer};
 /// Penumbra widths, pixels, from which on a cell's own answers suffice, one stratum of each block, four of it; and below
 /// which nothing is averaged.
 const UNTRACED: f32 = 48.0;
-const ONE: f32 = 16.0;
+const ONE: f32 = 32.0;
 const FOUR: f32 = 0.0;
-const NARROW: f32 = 3.0;
-const WIDE: f32 = 16.0;
+const NARROW: f32 = 2.0;
+const WIDE: f32 = 12.0;
 
 /// Twin of `PenumbraParams` in `shaders/passes/refine/penumbra.wgsl`.
 #[repr(C)]
@@ -49,11 +49,15 @@ pub struct PenumbraParams {
 impl PenumbraParams {
     /// For a light whose shorter edge is `light_size`.
     pub fn new(context: &Context<'_, '_>, light_size: f32, first: usize) -> Self {
-        let most_subs = match context.settings.int("light_samples") {
+        // The more samples a user grants, the fewer pixels do with less.
+        let samples = context.settings.int("light_samples");
+        let most_subs = match samples {
             256.. => 16,
             64.. => 4,
             _ => 1,
         };
+        let (untraced, one, four) =
+            if samples >= 1024 { (f32::MAX, f32::MAX, f32::MAX) } else { (UNTRACED, ONE, FOUR) };
         let knob = |name: &str, value: f32| std::env::var(name).ok().and_then(|v| v.parse().ok()).unwrap_or(value);
         Self {
             width: context.view.width,
@@ -61,9 +65,9 @@ impl PenumbraParams {
             first: first as u32,
             most_subs,
             light_size,
-            untraced: knob("MIP_UNTRACED", UNTRACED),
-            one: knob("MIP_ONE", ONE),
-            four: knob("MIP_FOUR", FOUR),
+            untraced: knob("MIP_UNTRACED", untraced),
+            one: knob("MIP_ONE", one),
+            four: knob("MIP_FOUR", four),
             narrow: knob("MIP_NARROW", NARROW),
             wide: knob("MIP_WIDE", WIDE),
             ..Self::zeroed()

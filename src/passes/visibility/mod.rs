@@ -2,8 +2,9 @@
 
 mod native;
 pub mod placed;
+pub mod prove;
+pub mod prove_native;
 pub mod shadow;
-pub mod stub3;
 pub mod trace;
 pub mod trace_native;
 pub mod trace_wgsl;

@@ -164,14 +164,23 @@ impl WgslTrace {
         stage: &str,
         kernel: &'r Kernel,
     ) -> Result<Pass<'r, 'a>> {
+        Ok(self.trees(recorder, stage, kernel)?.bind("counter", &self.counter))
+    }
+
+    /// A pass with the trees bound.
+    pub(super) fn trees<'r, 'a>(
+        &'r self,
+        recorder: &'r mut Recorder<'a>,
+        stage: &str,
+        kernel: &'r Kernel,
+    ) -> Result<Pass<'r, 'a>> {
         Ok(recorder
             .pass(stage, kernel)
             .bind("top_nodes", &self.top_nodes)
             .bind("instances", &self.instances)
             .bind("mesh_nodes", self.nodes.buffer()?)
             .bind("triangles", self.triangles.buffer()?)
-            .uniform("top_level", &self.top_level)
-            .bind("counter", &self.counter))
+            .uniform("top_level", &self.top_level))
     }
 
     /// The first thing that each ray of `range` meets; `range` starts at a multiple of 2,048.

@@ -1,5 +1,7 @@
 //! Geometry, random numbers and a float64 brute force for the tests of the native trace.
 #![allow(dead_code, unreachable_pub, reason = "each test binary uses its own part")]
+pub mod tiles;
+
 use glam::{Affine3A, DAffine3, DVec3, Mat3, Quat, Vec3};
 use miplight::passes::visibility::trace_native::{Ray, TraceInstance};
 use miplight::scene::bvh::Blas;

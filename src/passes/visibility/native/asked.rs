@@ -109,9 +109,11 @@ fn ends<I: Isa>(row: &Row) -> [f32; 2] {
     let (mut least, mut most) = ([0.0; 8], [0.0; 8]);
     lo.store(&mut least);
     hi.store(&mut most);
-    let half =
-        |v: [f32; 8], f: fn(f32, f32) -> f32| f(f(f(v[0], v[1]), f(v[2], v[3])), f(f(v[4], v[5]), f(v[6], v[7])));
-    [half(least, f32::min), half(most, f32::max)]
+    let [mut smallest, mut largest] = [least[0], most[0]];
+    for i in 1..8 {
+        (smallest, largest) = (smallest.min(least[i]), largest.max(most[i]));
+    }
+    [smallest, largest]
 }
 
 #[inline(always)]

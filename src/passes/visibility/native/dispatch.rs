@@ -2,6 +2,7 @@
 use super::super::trace_native::{Hit, Ray, Receiver, SampleTable, SimdWidth, TraceScene};
 use super::asked;
 use super::packet::Scratch;
+use super::prove::{self, Job};
 use super::rays::Bundle;
 use super::scene::trace;
 use super::shadow::{self, Columns};
@@ -9,6 +10,7 @@ use super::simd::{Isa, Lanes, set_lanes};
 use super::simd_portable::Portable;
 #[cfg(target_arch = "x86_64")]
 use super::simd_x86::{Avx2, Avx512};
+use crate::scene::bvh::Child;
 use rayon::prelude::*;
 use std::sync::atomic::{AtomicBool, Ordering};
 
@@ -96,6 +98,10 @@ macro_rules! entry {
             #[target_feature(enable = $features)]
             pub(super) fn closest(scene: &TraceScene, rays: &[Ray], hits: &mut [Hit], scratch: &mut Scratch) {
                 closest_rays::<$isa>(scene, rays, hits, scratch);
+            }
+            #[target_feature(enable = $features)]
+            pub(super) fn prove(scene: &TraceScene, job: &Job, first: usize, flags: &mut [u32], todo: &mut Vec<Child>) {
+                prove::prove::<$isa>(scene, job, first, flags, todo);
             }
             #[target_feature(enable = $features)]
             pub(super) fn any(scene: &TraceScene, rays: &[Ray], bits: &mut [u32], scratch: &mut Scratch) {
@@ -225,4 +231,17 @@ pub(crate) fn shadow_asked(
         },
     );
     traced.sum()
+}
+
+/// Tiles of a piece of work.
+const TILES: usize = 16;
+
+/// See [`TraceScene::prove`].
+pub(crate) fn prove(scene: &TraceScene, job: &Job, first: usize, flags: &mut [u32], cancel: &AtomicBool) {
+    flags.par_chunks_mut(TILES).enumerate().for_each_init(Vec::new, |todo, (chunk, flags)| {
+        if !cancel.load(Ordering::Relaxed) {
+            let first = first + chunk * TILES;
+            run!(scene, prove, prove::prove::<Portable>, (scene, job, first, flags, todo));
+        }
+    });
 }

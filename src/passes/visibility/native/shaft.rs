@@ -1,5 +1,6 @@
 //! A group of segments between two boxes, tested against eight boxes at once: what it misses, no ray of it can hit.
 use super::rays::MARGIN;
+use super::separate;
 use super::simd::{Lanes, Mask, three};
 use crate::scene::bvh::{Node8, TriangleBlock};
 
@@ -32,12 +33,6 @@ impl Interval {
         Self { lo: three!(i => self.lo[i] - center[i]), hi: three!(i => self.hi[i] - center[i]) }
     }
 
-    /// Middle and half size.
-    #[inline(always)]
-    fn middle_half(&self) -> [[f32; 3]; 2] {
-        [three!(i => 0.5 * self.lo[i] + 0.5 * self.hi[i]), three!(i => 0.5 * self.hi[i] - 0.5 * self.lo[i])]
-    }
-
     /// Largest absolute value of each component.
     #[inline(always)]
     pub(crate) fn reach(&self) -> [f32; 3] {
@@ -55,9 +50,8 @@ impl Interval {
     }
 }
 
-/// Component of a way below this share of the largest one is raised to it, so that no reciprocal is infinite. The
-/// shift, 2^-32 of the way, is far inside [`MARGIN`].
-const FLAT: f32 = 1.0 / 4_294_967_296.0;
+/// A component of a way below this share of the margin is raised to it, so that no reciprocal is infinite.
+const FLAT: f32 = 1.0 / 1024.0;
 
 /// The convex hull of an origin box O and an end box T, by its cross-sections: all segments are at parameter `s` inside
 /// the box (1 − s) O + s T. A box B meets the hull when it meets one cross-section, and each of the six conditions for
@@ -69,10 +63,10 @@ pub(crate) struct Shaft {
     leave: [[f32; 2]; 6],
     /// Largest `s` of a ray.
     end: f32,
-    /// Middle and half size of O and of T.
-    origin: [[f32; 3]; 2],
-    target: [[f32; 3]; 2],
-    margin: f32,
+    /// O and T.
+    origin: Interval,
+    target: Interval,
+    margin: [f32; 3],
     /// Beyond `s` = 1 the cross-sections are none: then nothing is known.
     valid: bool,
 }
@@ -83,9 +77,9 @@ impl Shaft {
         enter: [[0.0; 2]; 6],
         leave: [[0.0; 2]; 6],
         end: 0.0,
-        origin: [[0.0; 3]; 2],
-        target: [[0.0; 3]; 2],
-        margin: 0.0,
+        origin: Interval::EMPTY,
+        target: Interval::EMPTY,
+        margin: [0.0; 3],
         valid: false,
     };
 
@@ -95,22 +89,27 @@ impl Shaft {
     pub(crate) fn new(origin: &Interval, target: &Interval, t_max: f32, reach: f32) -> Self {
         let (from, to) = (origin.reach(), target.reach());
         let size = from[0].max(from[1]).max(from[2]) + to[0].max(to[1]).max(to[2]) + reach;
-        let margin = size * (2.0 * MARGIN);
+        Self::with_margin(origin, target, t_max, [size * (2.0 * MARGIN); 3])
+    }
+
+    /// The same with a margin of one's own along each axis.
+    #[inline(always)]
+    pub(crate) fn with_margin(origin: &Interval, target: &Interval, t_max: f32, margin: [f32; 3]) -> Self {
         let mut shaft = Self {
             end: t_max * (1.0 + MARGIN),
-            valid: t_max <= 1.0,
-            origin: origin.middle_half(),
-            target: target.middle_half(),
+            origin: *origin,
+            target: *target,
             margin,
+            valid: t_max <= 1.0,
             ..Self::NONE
         };
         let way_lo = three!(i => target.lo[i] - origin.lo[i]);
         let way_hi = three!(i => target.hi[i] - origin.hi[i]);
-        let flat = (size * FLAT).max(f32::MIN_POSITIVE);
         for axis in [0, 1, 2] {
+            let flat = (margin[axis] * FLAT).max(f32::MIN_POSITIVE);
             // The hull's upper side must reach the box's lower plane, and its lower side the upper plane.
-            shaft.bound(axis, way_hi[axis], flat, origin.hi[axis] + margin, true);
-            shaft.bound(axis + 3, way_lo[axis], flat, origin.lo[axis] - margin, false);
+            shaft.bound(axis, way_hi[axis], flat, origin.hi[axis] + margin[axis], true);
+            shaft.bound(axis + 3, way_lo[axis], flat, origin.lo[axis] - margin[axis], false);
         }
         shaft
     }
@@ -132,14 +131,22 @@ impl Shaft {
         if !self.valid {
             return used;
         }
+        let (lo, hi) = (three!(i => N::load(&node.bounds[i])), three!(i => N::load(&node.bounds[i + 3])));
+        self.meets(lo, hi).bits() & used
+    }
+
+    /// Boxes that the group may hit; only where the shaft is valid.
+    #[inline(always)]
+    pub(crate) fn meets<N: Lanes>(&self, lo: [N; 3], hi: [N; 3]) -> N::M {
         let (mut enter, mut leave) = (N::splat(0.0), N::splat(self.end));
-        for row in 0..6 {
-            let plane = N::load(&node.bounds[row]);
-            // A NaN (an unused slot, an overflow) leaves the other value.
-            enter = plane.fma(N::splat(self.enter[row][0]), N::splat(self.enter[row][1])).max(enter);
-            leave = plane.fma(N::splat(self.leave[row][0]), N::splat(self.leave[row][1])).min(leave);
+        for axis in [0, 1, 2] {
+            for (row, plane) in [(axis, lo[axis]), (axis + 3, hi[axis])] {
+                // A NaN (an unused slot, an overflow) leaves the other value.
+                enter = plane.fma(N::splat(self.enter[row][0]), N::splat(self.enter[row][1])).max(enter);
+                leave = plane.fma(N::splat(self.leave[row][0]), N::splat(self.leave[row][1])).min(leave);
+            }
         }
-        enter.not_gt(leave).bits() & used
+        enter.not_gt(leave)
     }
 
     /// True when a segment of the group may meet a triangle of the block: false when each has both boxes on one side of
@@ -149,21 +156,7 @@ impl Shaft {
         if !self.valid {
             return true;
         }
-        let corner = |vertex: usize| three!(i => B::load(&block.corner[vertex][i]));
-        let [a, b, c] = [corner(0), corner(1), corner(2)];
-        let (e, f) = (three!(i => b[i] - a[i]), three!(i => c[i] - a[i]));
-        let n = [e[2].fnma(f[1], e[1] * f[2]), e[0].fnma(f[2], e[2] * f[0]), e[1].fnma(f[0], e[0] * f[1])];
-        let size = n[0].abs() + n[1].abs() + n[2].abs();
-        let sides = [self.origin, self.target].map(|[middle, half]| {
-            let d = three!(i => B::splat(middle[i]) - a[i]);
-            let reach = three!(i => B::splat(half[i]));
-            let at = n[0].fma(d[0], n[1].fma(d[1], n[2] * d[2]));
-            let spread = n[0].abs().fma(reach[0], n[1].abs().fma(reach[1], n[2].abs() * reach[2]));
-            let spread = size.fma(B::splat(self.margin), spread);
-            (spread.lt(at), at.lt(B::splat(0.0) - spread))
-        });
-        let [from, to] = sides;
-        let outside = from.0.and(to.0).or(from.1.and(to.1));
-        outside.bits() != 15
+        let corners = three!(v => three!(i => B::load(&block.corner[v][i])));
+        separate::clear(&corners, &self.origin, &self.target, self.margin) != 15
     }
 }
