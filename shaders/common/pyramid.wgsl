@@ -17,8 +17,12 @@ fn texel_number(size: vec4u, texel: vec2u) -> u32 {
     return size.z + texel.y * size.x + texel.x;
 }
 
+// Column and row; divided as floats, which is faster where integers are divided one by one, and put right.
 fn texel_of(size: vec4u, index: u32) -> vec2u {
-    return vec2u(index % size.x, index / size.x);
+    let guess = u32(f32(index) / f32(size.x));
+    let off = i32(index - guess * size.x);
+    let row = guess - select(0u, 1u, off < 0) + select(0u, 1u, off >= i32(size.x));
+    return vec2u(index - row * size.x, row);
 }
 
 // Level of a flat number, at most `coarsest`.

@@ -1,6 +1,7 @@
 // Interpolation from level to level among texels that have light of their own level or of a coarser one, so that nothing
 // is taken from where the image was refined [NW09 Sec. 3.5], and only from those that lie near the plane of what is lit
-// and face nearly its way: never across an edge. A texel without such a neighbour keeps the light of the fragment it is in.
+// and face nearly its way: never across an edge. Where the level above has no light, the neighbour of the texel's own
+// level stands in for it. A texel without such neighbours keeps the light of the fragment it is in.
 //   level   level `pyramid.level` from the level above
 //   pixels  the image from level 1
 // In: fragments and their irradiance, pyramid, G-buffer. Out: irradiance a pixel.
@@ -42,10 +43,15 @@ fn alike(at: u32, level: u32, p: vec3f, normal: vec3f, across: vec3f) -> f32 {
     let middle = floats(means[3u * at]);
     let width = f32(1u << level) * pyramid.pixel_width * max(dot(view.eye - middle, view.backward), 1e-30);
     let step = middle - p;
-    let off = max(abs(dot(across, step)), abs(dot(unit(floats(means[3u * at + 2u])), step)));
+    let off = abs(dot(across, step));
     let turned = length(unit(floats(means[3u * at + 1u])) - normal);
     let there = select(0.0, 1.0, means[3u * at].w != 0u);
     return there * fade(off / (MOST_OFF * width)) * fade(turned / MOST_TURNED);
+}
+
+// Number of the texel next to `texel`, of the same level `size`, on the side of `other`, of the level above.
+fn beside(size: vec4u, texel: vec2u, other: vec2u) -> u32 {
+    return texel_number(size, vec2u(vec2i(texel) + vec2i(other) - vec2i(texel >> vec2u(1u))));
 }
 
 // At the centre of `texel` of the level below `level`, where the surface through p has these normals.
@@ -55,9 +61,16 @@ fn interpolated(level: u32, texel: vec2u, p: vec3f, normal: vec3f, across: vec3f
     var sum = vec4f(0.0);
     for (var k = 0u; k < 4u; k++) {
         let at = above(texel, size, k, level == 1u);
-        let row = slot(texel_number(size, at.texel));
-        let light = illumination[row];
-        sum += light.w * at.weight * alike(row, level, p, normal, across) * vec4f(light.xyz, 1.0);
+        var row = slot(texel_number(size, at.texel));
+        var light = illumination[row];
+        var own = level;
+        if light.w == 0.0 && level > 1u {
+            own = level - 1u;
+            let number = beside(pyramid.levels[own], texel, at.texel);
+            row = slot(number);
+            light = own_light(number);
+        }
+        sum += light.w * at.weight * alike(row, own, p, normal, across) * vec4f(light.xyz, 1.0);
     }
     let found = select(home.xyz, sum.xyz / max(sum.w, 1e-30), sum.w > 1e-12);
     return vec4f(select(vec3f(0.0), found, home.w > 0.0), home.w);

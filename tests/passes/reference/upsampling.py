@@ -49,8 +49,11 @@ class Case:
         light[fragment] = self.light[at[fragment] - 1]
         return light, at != 0
 
-    def corners(self, level: int) -> Iterator[tuple[NDArray[np.int64], Array]]:
-        """For each texel of `level` the four of the level above about it, with weights; 0 outside."""
+    def corners(self, level: int) -> Iterator[tuple[NDArray[np.int64], Array, NDArray[np.int64]]]:
+        """For each texel of `level` the four of the level above about it, with weights, 0 outside.
+
+        And the texel of the same level that is next to it on that side.
+        """
         columns, _, _, count = self.levels[level]
         wide, high, _, _ = self.levels[level + 1]
         row, column = np.divmod(np.arange(count), columns)
@@ -62,7 +65,12 @@ class Case:
                 r, c = np.floor(y).astype(int) + down, np.floor(x).astype(int) + right
                 weight = (1 - np.abs(y - r)) * (1 - np.abs(x - c))
                 inside = (r >= 0) & (r < high) & (c >= 0) & (c < wide)
-                yield np.where(inside, r * wide + c, 0), np.where(inside, weight, 0.0)
+                near = (row + r - row // 2) * columns + column + c - column // 2
+                yield (
+                    np.where(inside, r * wide + c, 0),
+                    np.where(inside, weight, 0.0),
+                    np.where(inside, near, 0),
+                )
 
     def part(self, values: Array, level: int) -> Array:
         """The rows of `values`, one a texel from level 1 on, that belong to a level."""
@@ -102,7 +110,7 @@ def bilinear(case: Case) -> Array:
         light, has = values[level]
         above, has_above = values[level + 1]
         total, weights = np.zeros_like(light), np.zeros(len(light))
-        for texel, bare in case.corners(level):
+        for texel, bare, _ in case.corners(level):
             weight = bare * has_above[texel]
             total += weight[:, None] * above[texel]
             weights += weight
@@ -131,18 +139,23 @@ def edge_aware(case: Case) -> Array:
             n, g, seen = _unit(n), _unit(g), case.part(t.count, level) > 0
         else:
             p, n, g, seen = case.g.position, case.g.normal, case.g.geometric, case.g.kind == SURFACE
-        q, m, h = (case.part(v, level + 1) for v in (t.position, t.normal, t.geometric))
-        m, h, some = _unit(m), _unit(h), case.part(t.count, level + 1) > 0
-        width = 2.0 ** (level + 1) * pixel_width(view) * np.maximum(depths(view, q), 1e-30)
+        q, m = (case.part(v, level + 1) for v in (t.position, t.normal))
+        m, some = _unit(m), case.part(t.count, level + 1) > 0
         own, is_own = case.own(level)
         total, weights = np.zeros_like(own), np.zeros(len(own))
-        for texel, bare in case.corners(level):
-            step = q[texel] - p
-            off = np.maximum(np.abs((g * step).sum(1)), np.abs((h[texel] * step).sum(1)))
-            turned = np.linalg.norm(m[texel] - n, axis=1)
-            alike = _fade(off / (MOST_OFF * width[texel])) * _fade(turned / MOST_TURNED) * some[texel]
-            weight = bare * has[texel] * alike
-            total += weight[:, None] * light[texel]
+        for texel, bare, near in case.corners(level):
+            # where the level above has no light, the neighbour of the same level stands in for it
+            stands = ~has[texel] & (level > 0)
+            side = np.where(stands, 2.0**level, 2.0 ** (level + 1))
+            place = np.where(stands[:, None], p[near], q[texel])
+            normal = np.where(stands[:, None], n[near], m[texel])
+            seen_there = np.where(stands, seen[near], some[texel])
+            has_light = np.where(stands, is_own[near], has[texel])
+            off = np.abs((g * (place - p)).sum(1))
+            width = side * pixel_width(view) * np.maximum(depths(view, place), 1e-30)
+            alike = _fade(off / (MOST_OFF * width)) * _fade(np.linalg.norm(normal - n, axis=1) / MOST_TURNED)
+            weight = bare * has_light * seen_there * alike
+            total += weight[:, None] * np.where(stands[:, None], own[near], light[texel])
             weights += weight
         columns, _, _, count = case.levels[level]
         row, column = np.divmod(np.arange(count), columns)
