@@ -77,7 +77,8 @@ def _tiles(rng: np.random.Generator, light: Light) -> Tiles:
     up = np.cross(normal, across)
     j, i = np.divmod(np.arange(64), 8)
     step = rng.uniform(0.005, 0.05, (count, 1, 1))
-    origin = middle[:, None] + step * ((i - 3.5)[:, None] * across[:, None] + (j - 3.5)[:, None] * up[:, None])
+    across, up = (i - 3.5)[:, None] * across[:, None], (j - 3.5)[:, None] * up[:, None]
+    origin = middle[:, None] + step * (across + up)
     origin = origin.astype(np.float32).astype(np.float64)
     normal = normal.astype(np.float32).astype(np.float64)
     place = (origin - light.corner) @ light.rows.T
@@ -128,7 +129,9 @@ def _run(runner: Runner, light: Light, tiles: Tiles, objects: list[Object]) -> N
     return read(out, "tile_flags", np.uint32)
 
 
-def _share(rng: np.random.Generator, light: Light, tiles: Tiles, objects: list[Object]) -> tuple[Array, Array]:
+def _rays(
+    rng: np.random.Generator, light: Light, tiles: Tiles, objects: list[Object]
+) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
     """Of some rays of each tile: blocked for sure, free for sure; (tiles, rays)."""
     count, rays = len(tiles.flags), 96
     ab = rng.uniform(size=(count, rays, 2))
@@ -164,7 +167,7 @@ def _separated(light: Light, tiles: Tiles, objects: list[Object], margin: float)
         beside += [(extent * (h - t_h) - x).max(0) < -margin for x in left]
         outside = (t_h.min(0) > h + margin) | (t_h.max(0) < (1 - END) * h - margin)
         clear &= plane | (over.max(0) < -margin) | outside | np.logical_or.reduce(beside)
-    return (clear | ~tiles.facing).all(1)
+    return np.asarray((clear | ~tiles.facing).all(axis=1))
 
 
 def _scene(rng: np.random.Generator) -> list[Object]:
@@ -185,7 +188,7 @@ def test_proofs_hold_and_are_found(runner: Runner, rng: np.random.Generator, nam
         open_tiles = (tiles.flags & (FACING | MIXED)) == FACING
         assert not (lit | dark)[~open_tiles].any()
         assert not (lit & dark).any()
-        blocked, free = _share(rng, light, tiles, objects)
+        blocked, free = _rays(rng, light, tiles, objects)
         assert not blocked[lit].any(), "a lit tile has a blocked ray"
         assert not free[dark].any(), "a dark tile has a free ray"
         expected = open_tiles & _separated(light, tiles, objects, 1e-3)
@@ -197,7 +200,7 @@ def test_proofs_hold_and_are_found(runner: Runner, rng: np.random.Generator, nam
 
 
 def test_one_triangle_undoes_a_proof(runner: Runner, rng: np.random.Generator) -> None:
-    """Negative control: without triangles all is lit; a sliver between one tile and the light leaves that one open."""
+    """Negative control: without triangles all is lit; a sliver over one tile leaves that one open."""
     light = _lights()["ceiling"]
     tiles = _tiles(rng, light)
     assert ((_run(runner, light, tiles, []) & LIT != 0) == ((tiles.flags & FACING) != 0)).all()

@@ -45,9 +45,7 @@ def _case(rng: np.random.Generator, strata: int, count: int = 257, **more: Any) 
     return Case(random_objects(rng), receivers, points, strata, **more)
 
 
-def _run(
-    runner: Runner, case: Case, asked: NDArray[np.bool_] | None = None
-) -> tuple[NDArray[np.bool_], int]:
+def _run(runner: Runner, case: Case, asked: NDArray[np.bool_] | None = None) -> tuple[NDArray[np.bool_], int]:
     """Which samples are seen (of those asked), (receivers, strata), and how many rays that took."""
     count, words = len(case.receivers), -(-case.strata // 32)
     params = record(
