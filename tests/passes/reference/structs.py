@@ -117,6 +117,20 @@ SHADOW = np.dtype(
         *_fields("receivers", "strata", "patterns", "words"),
     ]
 )
+PROVE = np.dtype(_fields("width", "height", "pad0", "pad1"))
+LIGHT_FRAME = np.dtype(
+    [
+        ("corner", "<f4", 3),
+        ("extent_a", "<f4"),
+        ("dual_u", "<f4", 3),
+        ("extent_b", "<f4"),
+        ("dual_v", "<f4", 3),
+        ("two_sided", "<u4"),
+        ("normal", "<f4", 3),
+        ("cos_cutoff", "<f4"),
+    ]
+)
+TILE_BOUNDS = np.dtype([("lo", "<f4", 3), ("facing", "<u4"), ("hi", "<f4", 3), ("pad", "<u4")])
 COMPOSITE = np.dtype(_fields("direct", "indirect", "pad0", "pad1"))
 FRAGMENT_RECEIVERS = np.dtype(_fields("first", "patterns", "seed", "pad"))
 PYRAMID = np.dtype(

@@ -45,8 +45,8 @@ def _case(rng: np.random.Generator, strata: int, count: int = 257, **more: Any) 
     return Case(random_objects(rng), receivers, points, strata, **more)
 
 
-def _run(runner: Runner, case: Case) -> tuple[NDArray[np.bool_], int]:
-    """Which samples are seen, (receivers, strata), and how many rays that took."""
+def _run(runner: Runner, case: Case, asked: NDArray[np.bool_] | None = None) -> tuple[NDArray[np.bool_], int]:
+    """Which samples are seen (of those asked), (receivers, strata), and how many rays that took."""
     count, words = len(case.receivers), -(-case.strata // 32)
     params = record(
         SHADOW,
@@ -59,13 +59,19 @@ def _run(runner: Runner, case: Case) -> tuple[NDArray[np.bool_], int]:
         patterns=len(case.points) // case.strata,
         words=words,
     )
+    before = np.full(count * words, MISS, np.uint32)
+    if asked is not None:
+        wide = np.ones((count, 32 * words), bool)
+        wide[:, : case.strata] = asked
+        before = np.packbits(wide, axis=1, bitorder="little").reshape(-1).view(np.uint32)
     out = runner(
         "passes/visibility/shadow",
         count * words,
+        entry="main" if asked is None else "asked",
         params=params,
         receivers=case.receivers,
         points=case.points,
-        visibility=np.full(count * words, MISS, np.uint32),
+        visibility=before,
         counter=np.zeros(2, np.uint32),
         **trees(case.objects),
     )
@@ -132,3 +138,21 @@ def test_inactive_receivers_see_nothing(runner: Runner, rng: np.random.Generator
     assert inactive.any()
     assert not bits[inactive].any()
     assert bits[~inactive].any()
+
+
+@pytest.mark.parametrize("strata", [1, 16, 33, 70])
+@pytest.mark.parametrize("kind", [{}, {"two_sided": True, "cos_cutoff": 0.7}])
+def test_asked_samples_stay_when_nothing_hides_them(
+    runner: Runner, rng: np.random.Generator, strata: int, kind: dict[str, Any]
+) -> None:
+    case = _case(rng, strata, **kind)
+    asked = rng.uniform(size=(len(case.receivers), strata)) < 0.3
+    found, rays = _run(runner, case, asked)
+    seen, facing, doubtful = _reference(case)
+    live = (case.receivers["pattern"] < 3)[:, None]
+    expected = asked & live & (seen | ~facing)
+    assert (found == expected)[~doubtful].all()
+    assert abs(rays - int((asked & facing).sum())) <= 2
+    # Negative control: facing alone does not decide, nor does what nobody asked for.
+    assert (expected != (asked & live)).any()
+    assert (expected != (live & (seen | ~facing))).any()
