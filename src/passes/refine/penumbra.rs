@@ -60,18 +60,17 @@ impl PenumbraParams {
             if samples >= 1024 { (f32::MAX, f32::MAX, f32::MAX) } else { (UNTRACED, ONE, FOUR) };
         // Fragments of level 1 go by their cells' answers.
         let untraced = if context.settings.int("finest_level") > 0 { 0.0 } else { untraced };
-        let knob = |name: &str, value: f32| std::env::var(name).ok().and_then(|v| v.parse().ok()).unwrap_or(value);
         Self {
             width: context.view.width,
             height: context.view.height,
             first: first as u32,
             most_subs,
             light_size,
-            untraced: knob("MIP_UNTRACED", untraced),
-            one: knob("MIP_ONE", one),
-            four: knob("MIP_FOUR", four),
-            narrow: knob("MIP_NARROW", NARROW),
-            wide: knob("MIP_WIDE", WIDE),
+            untraced,
+            one,
+            four,
+            narrow: NARROW,
+            wide: WIDE,
             ..Self::zeroed()
         }
     }

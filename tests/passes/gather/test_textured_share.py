@@ -167,22 +167,29 @@ def test_a_plain_light_has_no_factor(runner: Runner, rng: np.random.Generator) -
         assert_not_within(_factor(runner, scene, nodes)[at, :3], np.ones((len(at), 3)), 1e-4)
 
 
-def test_only_what_is_seen_whole_is_written(runner: Runner, rng: np.random.Generator) -> None:
+def test_the_factor_is_written_wherever_some_of_the_light_is_seen(
+    runner: Runner, rng: np.random.Generator
+) -> None:
     light = dataclasses.replace(random_area(rng), radiance=_picture(rng, "noise"))
     scene = ir.scene(rng, light, (80, 56))
     found = _factor(runner, scene, _nodes(runner, light))
     flags, state = scene.flags[scene.tile_of], scene.cells[scene.cell_of] & 3
-    whole = ((flags & ir.LIT) != 0) | (((flags & ir.DARK) == 0) & (state == ir.CELL_LIT))
-    emits = (light.corner - scene.gbuffer.position) @ light.normal < 0
-    wanted = whole & emits & (scene.gbuffer.kind == SURFACE) & ((flags & ir.FACING) != 0)
+    dark = (flags & ir.DARK) != 0
+    whole = ((flags & ir.LIT) != 0) | (~dark & (state == ir.CELL_LIT))
+    zone = ~whole & ~dark & (state == ir.CELL_ZONE)
+    height = (light.corner - scene.gbuffer.position) @ light.normal
+    wanted = (whole | zone) & (height < 0) & (scene.gbuffer.kind == SURFACE) & ((flags & ir.FACING) != 0)
     changed = (found != scene.share).any(axis=1)
     assert (changed == wanted).mean() > 0.999
-    assert not changed[
-        ~wanted & (np.abs((light.corner - scene.gbuffer.position) @ light.normal) > 1e-5)
-    ].any()
+    assert not changed[~wanted & (np.abs(height) > 1e-5)].any()
+    assert (changed & zone).any(), "the zone is part of what is tested"
+    assert (changed != (wanted & whole)).mean() > 0.01, "negative control: not the zone alone"
+    ones = dataclasses.replace(scene, share=np.ones_like(scene.share))
+    bare = _factor(runner, ones, _nodes(runner, light))
+    both = zone & wanted
+    expected = bare[both, :3] * scene.share[both, :3]
+    assert_within(found[both, :3], expected, 1e-6 * np.abs(expected) + 1e-30, "factor times visible share")
     total = ir.irradiance(runner, scene, np.zeros_like(found), textured=1, share=found)[:, :3]
     plain = ir.irradiance(runner, scene, np.zeros_like(found))[:, :3]
-    zone = (state == ir.CELL_ZONE) & ~whole
-    assert (total[zone] == plain[zone]).all(), "in the zone the picture is in the share already"
     lit = whole & (plain > 0).all(axis=1)
     assert_within(total[lit], plain[lit] * found[lit, :3], 1e-6 * total[lit] + 1e-30, "irradiance")
