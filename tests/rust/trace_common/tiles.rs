@@ -112,9 +112,9 @@ impl Image {
         }
         *flag |= flags::FACING | side;
         let place = [place[0], place[1], place[2].abs()];
-        for i in 0..3 {
-            bounds.lo[i] = bounds.lo[i].min(place[i]);
-            bounds.hi[i] = bounds.hi[i].max(place[i]);
+        for (i, &x) in place.iter().enumerate() {
+            bounds.lo[i] = bounds.lo[i].min(x);
+            bounds.hi[i] = bounds.hi[i].max(x);
         }
         bounds.facing += 1;
         self.facing[tile].push((o, n));
