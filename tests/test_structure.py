@@ -38,6 +38,9 @@ NO_PASS = {
     "tree_upload",
     "placed",
     "fragments",
+    "prove_native",
+    "adaptive",
+    "list_params",
 }
 # Two shaders of one pass: closest and any hits, and shadow rays that are made where they are traced.
 RUST_OF = {"visibility/shadow": "visibility/trace"}

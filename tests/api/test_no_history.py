@@ -21,7 +21,7 @@ def _quad(corner: tuple[float, ...], u: tuple[float, ...], v: tuple[float, ...])
 
 
 def _scene() -> ml.Scene:
-    """A lamp flush with the ceiling, lamps below a card, a picture and a spot; penumbrae run across all of it."""
+    """A lamp flush with the ceiling, lamps below a card, a picture and a spot; penumbrae everywhere."""
     scene = ml.Scene()
     grey = ml.Material((0.7, 0.7, 0.7))
     scene.add_mesh(_quad((-3, 3, -3), (6, 0, 0), (0, 0, 6)), name="ceiling", material=grey)

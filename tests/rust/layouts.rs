@@ -98,8 +98,8 @@ fn adaptive() -> Vec<(Layout, &'static str, &'static str)> {
         four,
         narrow,
         wide,
-        pad0,
-        pad1
+        calm,
+        pad
     });
     vec![
         (frame, "common/light_frame", "LightFrame"),
@@ -191,7 +191,7 @@ fn instance() -> Layout {
 }
 
 fn light_samples() -> Layout {
-    host_layout!(LightSamplesParams { light, strata_u, strata_v, patterns, seed, jittered, t_max, by_rows })
+    host_layout!(LightSamplesParams { light, strata_u, strata_v, patterns, seed, jittered, t_max, pad })
 }
 
 #[test]

@@ -1,6 +1,7 @@
 // Share: the visible part of a light at each pixel of the zone, weighed by what each part of the light adds there:
 //   share = sum_q w_q L_q v_q / sum_q w_q L_q,   w_q = cos_s cos_l / d^2 at the middle of quarter q of a block [HHM18]
-// v_q is the part of the quarter's samples that is seen, or what the cell's neighbourhood agrees on. A channel each.
+// v_q is the part of the quarter's samples that is seen, or what the cell's neighbourhood agrees on; where all strata of a
+// picture's quarter were asked, each of them counts with its own radiance. A channel each.
 // Beside it stands how far from the truth it may be: the standard error of stratified samples, from the blocks of which
 // a part is seen.
 // In     pixels: receivers and visible, as zone_rays listed them. cells: the cells' own answers.
@@ -22,11 +23,14 @@ import package::common::strata::{BLOCKS, WORDS, asked_by_plan};
 @group(0) @binding(3) var<storage, read> listed_cells: array<u32>;
 @group(0) @binding(4) var<storage, read> cell_agreed: array<u32>;
 @group(0) @binding(5) var<storage, read> cell_plan: array<u32>;
-@group(0) @binding(6) var<storage, read> radiance_tiles: array<vec4f>;  // 64: mean radiance times area, row by row
+@group(0) @binding(6) var<storage, read> light_radiance: array<vec4f>;  // 256: mean radiance times area, block by block
 @group(0) @binding(7) var<storage, read_write> share: array<vec4f>;
 @group(0) @binding(8) var<storage, read> cell_bits: array<u32>;
 @group(0) @binding(9) var<storage, read> g_position: array<vec4u>;
 @group(0) @binding(10) var<storage, read> g_normal: array<vec4u>;
+
+// 1: the light shows a picture; else all of its strata are alike.
+override PICTURE: u32 = 1u;
 
 // Strata of a quarter of a block, before the shift to it.
 const QUARTER: u32 = 0x33u;
@@ -58,47 +62,65 @@ fn weight(s: Sight, ab: vec2f) -> f32 {
 
 struct Sums {
     seen: vec3f,        // w L v
-    weights: f32,
     all: vec3f,         // w L
-    variance: f32,      // of the visible part, times the square of the weights
+    variance: vec3f,    // of w L v
 }
 
 // Variance of one yes-or-no answer, when there is but one and a shadow's edge is near.
 const ONE_ANSWER: f32 = 0.17;
 
+// Radiance times area of a quarter, and of those of its strata that are set in `seen`.
+struct Quarter {
+    all: vec3f,
+    seen: vec3f,
+}
+
+fn quarter_of(light: Light, block: u32, q: u32, seen: u32) -> Quarter {
+    var quarter = Quarter(light.radiance * (light.area / 64.0), vec3f(0.0));
+    if PICTURE != 0u {
+        quarter.all = vec3f(0.0);
+        for (var i = 0u; i < 4u; i++) {
+            let k = 2u * (q & 1u) + (i & 1u) + 4u * (2u * (q >> 1u) + (i >> 1u));
+            let radiance = light_radiance[16u * block + k].xyz;
+            quarter.all += radiance;
+            quarter.seen += select(vec3f(0.0), radiance, ((seen >> k) & 1u) != 0u);
+        }
+    }
+    return quarter;
+}
+
 // Adds the quarters of a block; `seen` and `asked`: its 16 strata.
-fn add_block(sums: Sums, s: Sight, block: u32, seen: u32, asked: u32) -> Sums {
+fn add_block(sums: Sums, light: Light, s: Sight, block: u32, seen: u32, asked: u32) -> Sums {
     let across = params.blocks_u;
     let place = vec2u(block % across, block / across);
     let cells = 2.0 * vec2f(f32(across), f32(BLOCKS / across));
     var all = sums;
-    var block_weight = 0.0;
+    var block_light = vec3f(0.0);
     for (var q = 0u; q < 4u; q++) {
-        let quarter = vec2u(q & 1u, q >> 1u);
-        let own = QUARTER << (2u * quarter.x + 8u * quarter.y);
+        let at = 2u * place + vec2u(q & 1u, q >> 1u);
+        let own = QUARTER << (2u * (q & 1u) + 8u * (q >> 1u));
         // With one sample a block, it speaks for all of its quarters.
         let part = select(own, 0xffffu, (asked & own) == 0u);
         let v = f32(countOneBits(seen & asked & part)) / max(f32(countOneBits(asked & part)), 1.0);
-        let at = 2u * place + quarter;
         // What nobody asked does not count.
         let w = select(0.0, weight(s, (vec2f(at) + 0.5) / cells), asked != 0u);
-        let radiance = radiance_tiles[at.y * 2u * across + at.x].xyz;
-        all.seen += w * v * radiance;
-        all.all += w * radiance;
-        block_weight += w;
+        let quarter = quarter_of(light, block, q, seen);
+        all.seen += w * select(v * quarter.all, quarter.seen, PICTURE != 0u && (asked & own) == own);
+        block_light += w * quarter.all;
     }
     let n = f32(countOneBits(asked));
     let v = f32(countOneBits(seen & asked)) / max(n, 1.0);
-    let variance = select(v * (1.0 - v) / max(n - 1.0, 1.0), ONE_ANSWER, n == 1.0);
-    all.weights += block_weight;
-    all.variance += block_weight * block_weight * variance;
+    all.all += block_light;
+    all.variance += block_light * block_light * select(v * (1.0 - v) / max(n - 1.0, 1.0), ONE_ANSWER, n == 1.0);
     return all;
 }
 
 // 1 where nothing could be seen of a channel.
 fn share_of(sums: Sums) -> vec4f {
-    let seen = select(vec3f(1.0), sums.seen / max(sums.all, vec3f(1e-35)), sums.all > vec3f(0.0));
-    return vec4f(seen, sqrt(sums.variance) / max(sums.weights, 1e-35));
+    let all = max(sums.all, vec3f(1e-35));
+    let seen = select(vec3f(1.0), sums.seen / all, sums.all > vec3f(0.0));
+    let error = select(vec3f(0.0), sqrt(sums.variance) / all, sums.all > vec3f(0.0));
+    return vec4f(seen, max(error.x, max(error.y, error.z)));
 }
 
 @compute @workgroup_size(64)
@@ -123,7 +145,7 @@ fn pixels(
         let word = (visible[i * WORDS + block / 2u] >> (16u * (block & 1u))) & 0xffffu;
         let same = ((agreed >> block) & 1u) != 0u;
         let all = select(0u, 0xffffu, ((agreed >> (16u + block)) & 1u) != 0u);
-        sums = add_block(sums, s, block, select(word, all, same), select(asked_by_plan(agreed, subs, params.boosts, pixel, block), 0xffffu, same));
+        sums = add_block(sums, light, s, block, select(word, all, same), select(asked_by_plan(agreed, subs, params.boosts, pixel, block), 0xffffu, same));
     }
     share[at] = share_of(sums);
 }
@@ -157,7 +179,7 @@ fn cells(
     for (var block = 0u; block < BLOCKS; block++) {
         let all = select(0u, 0xffffu, ((seen >> block) & 1u) != 0u);
         let same = ((agreed >> block) & 1u) != 0u;
-        sums = add_block(sums, s, block, all, select(select(0u, 1u, ((asked >> block) & 1u) != 0u), 0xffffu, same));
+        sums = add_block(sums, light, s, block, all, select(select(0u, 1u, ((asked >> block) & 1u) != 0u), 0xffffu, same));
     }
     share[at] = share_of(sums);
 }

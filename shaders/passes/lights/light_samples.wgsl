@@ -16,7 +16,7 @@ struct LightSamplesParams {
     seed: u32,
     jittered: u32,
     t_max: f32,
-    by_rows: u32,       // strata row by row, not block by block
+    pad: u32,
 }
 
 @group(0) @binding(30) var<uniform> grid: Grid;
@@ -26,7 +26,7 @@ struct LightSamplesParams {
 
 // The cell of stratum k.
 fn stratum_cell(k: u32, nu: u32, nv: u32) -> vec2u {
-    if params.by_rows != 0u || nu % 4u != 0u || nv % 4u != 0u {
+    if nu % 4u != 0u || nv % 4u != 0u {
         return vec2u(k % nu, k / nu);
     }
     let block = k / 16u;

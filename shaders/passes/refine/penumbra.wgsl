@@ -22,8 +22,8 @@ struct PenumbraParams {
     four: f32,          // four are
     narrow: f32,        // the filter leaves what is narrower alone
     wide: f32,          // and averages over 5 x 5 pixels from here on
-    pad0: u32,
-    pad1: u32,
+    calm: f32,          // from here on a cell in which little changes goes by its own answers
+    pad: u32,
 }
 
 @group(0) @binding(30) var<uniform> grid: Grid;
@@ -87,7 +87,7 @@ fn plans(
     let index = zone_cells[params.first + i];
     let width = narrowest(cell_place(index, params.width));
     let subs = select(select(16u, 4u, width >= params.four), 1u, width >= params.one);
-    let calm = (cell_plan[index] & PLAN_CALM) != 0u && width >= params.wide;
+    let calm = (cell_plan[index] & PLAN_CALM) != 0u && width >= params.calm;
     let traced = select(PLAN_TRACED, 0u, width >= params.untraced || calm);
     let radius = select(select(0u, 1u, width >= params.narrow), 2u, width >= params.wide);
     cell_plan[index] = PLAN_ZONE | traced | (min(subs, params.most_subs) << PLAN_SUBS_SHIFT) | (radius << PLAN_RADIUS_SHIFT);

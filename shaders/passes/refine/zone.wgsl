@@ -34,7 +34,9 @@ fn bits_of(index: u32) -> u32 {
 // Cells on the same surface, of nine, whose agreement counts.
 const ENOUGH: u32 = 6u;
 // With no more blocks than these in doubt, all on one surface, a cell needs no answers of its pixels.
-const CALM_BLOCKS: u32 = 2u;
+const CALM_BLOCKS: u32 = 3u;
+// Value of `reuse` for lights that are not alone: of blocks beside those in doubt one answer is enough.
+const THRIFTY: u32 = 2u;
 
 struct Votes {
     seen: u32,      // blocks that some cell sees
@@ -110,7 +112,8 @@ fn main(
     }
     let voted = select(0u, agreed, votes.alike >= ENOUGH && params.reuse != 0u);
     let sure = voted & ~with_beside(ALL & ~voted);
-    cell_agreed[i] = sure | (((votes.seen & sure) | (voted & ~sure)) << 16u);
+    let once = select(0u, voted & ~sure, params.reuse == THRIFTY);
+    cell_agreed[i] = sure | (((votes.seen & sure) | once) << 16u);
     let calm = params.reuse != 0u && votes.alike == 9u && countOneBits(ALL & ~agreed) <= CALM_BLOCKS;
     cell_plan[i] = select(0u, PLAN_ZONE | select(0u, PLAN_CALM, calm), state == STATE_ZONE && all(place < cells));
 }

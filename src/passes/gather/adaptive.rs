@@ -126,7 +126,6 @@ struct Light<'g> {
     frame: LightFrame,
     tiles: Tiles,
     light: LightSamples,
-    radiance_tiles: Buffer<[f32; 4]>,
     cells: Cells,
     /// Shorter edge.
     size: f32,
@@ -143,9 +142,9 @@ impl<'g> Light<'g> {
         let rows = &context.prepared.light_rows[light * LIGHT_ROWS..][..LIGHT_ROWS];
         let length = |row: [f32; 4]| glam::Vec3::new(row[0], row[1], row[2]).length();
         let size = length(rows[1]).min(length(rows[2]));
-        let (light, radiance_tiles) = light_samples::blocks(context, light)?;
+        let light = light_samples::blocks(context, light)?;
         let cells = Cells::new(context, tiles.count)?;
-        Ok(Self { gbuffer, frame, tiles, light, radiance_tiles, cells, size })
+        Ok(Self { gbuffer, frame, tiles, light, cells, size })
     }
 
     /// Which part of the light each pixel sees: `cells.state`, and in the zone the buffer that is returned.
@@ -273,14 +272,14 @@ impl<'g> Light<'g> {
             CELL_PIXELS,
             "zone_shadow",
             |context, piece| zone_rays::record(context, piece, &self.cells),
-            |context, piece| share::pixels(context, piece, &self.cells, &self.radiance_tiles),
+            |context, piece| share::pixels(context, piece, &self.cells),
         )?;
         if coarse.count > 0 {
             let unused = context.resources.buffer("receivers", 1)?;
             let bits = context.resources.buffer("asked", 1)?;
             let (gbuffer, light, list) = (self.gbuffer, &self.light, &coarse.entries);
             let piece = Asked { gbuffer, light, list, first: 0, count: coarse.count, receivers: &unused, bits: &bits };
-            share::cells(context, &piece, &self.cells, &self.radiance_tiles)?;
+            share::cells(context, &piece, &self.cells)?;
         }
         if context.settings.is("penumbra_filter", "off") {
             return Ok(self.cells.share.clone());

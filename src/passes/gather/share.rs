@@ -1,22 +1,25 @@
 //! The visible part of a light at each pixel of the zone.
 
+use std::sync::Arc;
+
 use crate::error::Result;
-use crate::gpu::Buffer;
+use crate::gpu::Kernel;
 use crate::passes::Context;
 use crate::passes::refine::list_params::{Asked, CELL_PIXELS, ListParams};
 use crate::passes::refine::zone::Cells;
+
+/// Leaves out what a light of one colour does not need.
+fn kernel(context: &Context<'_, '_>, piece: &Asked<'_>, entry: &str) -> Result<Arc<Kernel>> {
+    let picture = context.prepared.light_textures.contains_key(&(piece.light.light as usize));
+    context.kernel_with("gather/share", entry, &[("PICTURE", f64::from(u8::from(picture)))])
+}
 
 /// Shares of the pixels that asked for themselves.
 ///
 /// # Errors
 /// Those of the device.
-pub fn pixels(
-    context: &mut Context<'_, '_>,
-    piece: &Asked<'_>,
-    cells: &Cells,
-    radiance_tiles: &Buffer<[f32; 4]>,
-) -> Result<()> {
-    let kernel = context.kernel("gather/share", "pixels")?;
+pub fn pixels(context: &mut Context<'_, '_>, piece: &Asked<'_>, cells: &Cells) -> Result<()> {
+    let kernel = kernel(context, piece, "pixels")?;
     let params = ListParams::new(context, piece.light, piece.first);
     context
         .recorder
@@ -28,7 +31,7 @@ pub fn pixels(
         .bind("cell_agreed", &cells.agreed)
         .bind("cell_plan", &cells.plan)
         .bind("lights", context.scene.lights()?)
-        .bind("radiance_tiles", radiance_tiles)
+        .bind("light_radiance", &piece.light.radiance)
         .bind("share", &cells.share)
         .dispatch(piece.count * CELL_PIXELS)
 }
@@ -37,13 +40,8 @@ pub fn pixels(
 ///
 /// # Errors
 /// Those of the device.
-pub fn cells(
-    context: &mut Context<'_, '_>,
-    piece: &Asked<'_>,
-    cells: &Cells,
-    radiance_tiles: &Buffer<[f32; 4]>,
-) -> Result<()> {
-    let kernel = context.kernel("gather/share", "cells")?;
+pub fn cells(context: &mut Context<'_, '_>, piece: &Asked<'_>, cells: &Cells) -> Result<()> {
+    let kernel = kernel(context, piece, "cells")?;
     let params = ListParams::new(context, piece.light, piece.first);
     context
         .recorder
@@ -55,7 +53,7 @@ pub fn cells(
         .bind("cell_agreed", &cells.agreed)
         .bind("cell_bits", &cells.bits)
         .bind("lights", context.scene.lights()?)
-        .bind("radiance_tiles", radiance_tiles)
+        .bind("light_radiance", &piece.light.radiance)
         .bind("share", &cells.share)
         .dispatch(piece.count * CELL_PIXELS)
 }

@@ -33,8 +33,8 @@ pub struct LightSamplesParams {
     pub jittered: u32,
     /// Written as the points' fourth number.
     pub t_max: f32,
-    /// 1: strata row by row, not block by block.
-    pub by_rows: u32,
+    /// Unused.
+    pub pad: u32,
 }
 
 /// The samples of one light.
@@ -96,15 +96,13 @@ fn lengths(context: &Context<'_, '_>, light: usize) -> [f64; 2] {
     [1, 2].map(|row| f64::from(xyz(rows[row]).length()))
 }
 
-/// A light with 256 samples a pattern in 16 blocks of 4 × 4, as `shaders/common/strata.wgsl` wants them, and the mean
-/// radiance times area of the 64 quarters of these blocks, row by row.
+/// A light with 256 samples a pattern in 16 blocks of 4 × 4, as `shaders/common/strata.wgsl` wants them.
 ///
 /// # Errors
 /// Those of the device.
-pub fn blocks(context: &mut Context<'_, '_>, light: usize) -> Result<(LightSamples, Buffer<[f32; 4]>)> {
+pub fn blocks(context: &mut Context<'_, '_>, light: usize) -> Result<LightSamples> {
     if light >= context.prepared.area_lights {
-        let tiles = context.resources.buffer("radiance_tiles", 1)?;
-        return Ok((spot(context, light)?, tiles));
+        return spot(context, light);
     }
     let [length_u, length_v] = lengths(context, light);
     let [blocks_u, blocks_v] = strata_grid(16, length_u, length_v);
@@ -112,18 +110,14 @@ pub fn blocks(context: &mut Context<'_, '_>, light: usize) -> Result<(LightSampl
     if let Some(texture) = context.prepared.light_textures.get(&light) {
         samples.boosts = boosts(texture, [blocks_u, blocks_v]);
     }
-    let tiles: Buffer<[f32; 4]> = context.resources.buffer("radiance_tiles", 64)?;
-    let grid = [2 * blocks_u, 2 * blocks_v];
-    let params = LightSamplesParams { by_rows: 1, ..parameters(context, light, grid) };
-    radiance(context, &params, &tiles)?;
-    Ok((samples, tiles))
+    Ok(samples)
 }
 
 /// [`LightSamples::boosts`] of a light of one colour.
 const AS_MOST: u32 = 0x5555_5555;
 /// Mean radiance of a block over the light's from which on it is bright, and up to which it is dim.
-const BRIGHT: f32 = 1.25;
-const DIM: f32 = 0.3;
+const BRIGHT: f32 = 1.5;
+const DIM: f32 = 0.4;
 /// Texels that are looked at along each edge of a block.
 const PROBES: usize = 16;
 
@@ -156,7 +150,7 @@ fn parameters(context: &Context<'_, '_>, light: usize, grid: [u32; 2]) -> LightS
         seed: context.settings.int("seed"),
         jittered: u32::from(patterns > 1),
         t_max: T_MAX,
-        by_rows: 0,
+        pad: 0,
     }
 }
 

@@ -34,7 +34,7 @@ pub struct ListParams {
     pub first: u32,
     /// Blocks of strata along edge u.
     pub blocks_u: u32,
-    /// 1: what neighbours agree on is not asked again.
+    /// 1: what neighbours agree on is not asked again; 2: of what lies beside it one answer is enough.
     pub reuse: u32,
     /// Two bits a block of strata, see [`LightSamples::boosts`].
     pub boosts: u32,
@@ -49,6 +49,10 @@ pub struct ListParams {
 impl ListParams {
     /// For a light, from entry `first` of a list on.
     pub fn new(context: &Context<'_, '_>, light: &LightSamples, first: usize) -> Self {
+        let reuse = match context.settings.is("visibility_reuse", "incremental") {
+            true => 1 + u32::from(thrifty(context)),
+            false => 0,
+        };
         Self {
             width: context.view.width,
             height: context.view.height,
@@ -57,13 +61,18 @@ impl ListParams {
             seed: context.settings.int("seed"),
             first: first as u32,
             blocks_u: light.strata_u.div_ceil(4),
-            reuse: context.settings.is("visibility_reuse", "incremental").into(),
+            reuse,
             boosts: light.boosts,
             pad0: 0,
             pad1: 0,
             pad2: 0,
         }
     }
+}
+
+/// With other lights about, each may err more for the same error of their sum; of a picture, its dimmer parts.
+pub(super) fn thrifty(context: &Context<'_, '_>) -> bool {
+    context.prepared.lights > 1 || !context.prepared.light_textures.is_empty()
 }
 
 /// A piece of a list of shading points, and what they ask or see.

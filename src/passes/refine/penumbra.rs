@@ -2,6 +2,7 @@
 
 use bytemuck::{Pod, Zeroable};
 
+use super::list_params::thrifty;
 use super::zone::Cells;
 use crate::error::Result;
 use crate::gpu::Buffer;
@@ -15,6 +16,7 @@ const ONE: f32 = 32.0;
 const FOUR: f32 = 0.0;
 const NARROW: f32 = 2.0;
 const WIDE: f32 = 12.0;
+const CALM: f32 = 24.0;
 
 /// Twin of `PenumbraParams` in `shaders/passes/refine/penumbra.wgsl`.
 #[repr(C)]
@@ -40,10 +42,10 @@ pub struct PenumbraParams {
     pub narrow: f32,
     /// Width from which on 5 × 5 pixels are averaged.
     pub wide: f32,
+    /// Width from which on a cell in which little changes goes by its own answers.
+    pub calm: f32,
     /// Unused.
-    pub pad0: u32,
-    /// Unused.
-    pub pad1: u32,
+    pub pad: u32,
 }
 
 impl PenumbraParams {
@@ -71,6 +73,7 @@ impl PenumbraParams {
             four,
             narrow: NARROW,
             wide: WIDE,
+            calm: if thrifty(context) { WIDE } else { CALM },
             ..Self::zeroed()
         }
     }

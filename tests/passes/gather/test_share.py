@@ -59,9 +59,11 @@ class Case:
             "listed_cells": self.cells.astype(np.uint32),
             "cell_agreed": ref.pack(self.sure, self.answer),
             "lights": table(lights),
-            "radiance_tiles": np.pad(shares.tile_rows(self.light, self.across), ((0, 0), (0, 1))).astype(
-                np.float32
-            ),
+            "light_radiance": np.pad(
+                shares.strata_radiance(self.light, self.across), ((0, 0), (0, 0), (0, 1))
+            )
+            .astype(np.float32)
+            .reshape(256, 4),
             "share": np.full((self.layout.width * self.layout.height, 4), STALE, np.float32),
         }
 
@@ -156,10 +158,12 @@ def test_shares_of_pixels_agree_with_the_reference(
     mine = np.repeat(case.cells, 4)
     sure, answer = case.sure[mine][..., None], case.answer[mine][..., None]
     answers = shares.visible_parts(np.where(sure, answer, seen), asked | sure)
-    tiles = shares.tile_rows(case.light, across).astype(np.float32).astype(np.float64)
+    strata_of = shares.strata_radiance(case.light, across).astype(np.float32).astype(np.float64)
     g = case.g
     given = (a[live] for a in answers)
-    expected = shares.share(case.light, across, g.origin[at[live]], g.normal[at[live]], tuple(given), tiles)
+    expected = shares.share(
+        case.light, across, g.origin[at[live]], g.normal[at[live]], tuple(given), strata_of
+    )
     assert (np.delete(found, at[live], axis=0) == np.float32(STALE)).all(), "others keep what they have"
     _compare(found[at[live]], expected)
 
@@ -190,9 +194,9 @@ def test_shares_of_cells_agree_with_the_reference(
     sure = case.sure[mine][..., None]
     all_seen = np.where(sure, case.answer[mine][..., None], seen[mine][..., None])
     answers = shares.visible_parts(np.broadcast_to(all_seen, one.shape), one | sure)
-    tiles = shares.tile_rows(case.light, across).astype(np.float32).astype(np.float64)
+    strata_of = shares.strata_radiance(case.light, across).astype(np.float32).astype(np.float64)
     position, normal = case.g.position[at[live]], case.g.normal[at[live]]
-    expected = shares.share(case.light, across, position, normal, answers, tiles)
+    expected = shares.share(case.light, across, position, normal, answers, strata_of)
     assert (np.delete(found, at[live], axis=0) == np.float32(STALE)).all()
     _compare(found[at[live]], expected)
 
@@ -269,9 +273,10 @@ def test_the_standard_error_is_that_of_the_share(runner: Runner, rng: np.random.
         found = _pixels(runner, case, np.ones(256, bool), asked & (rng.uniform(size=asked.shape) < chance))
         at = case.layout.number(case.pixels)
         parts = np.broadcast_to(chance, (256, 16, 4))
-        answers = (parts, np.ones(parts.shape, bool), np.zeros((256, 16)))
-        tiles = shares.tile_rows(case.light, 4)
-        truth = shares.share(case.light, 4, case.g.origin[at], case.g.normal[at], answers, tiles).share
+        none = np.zeros((256, 16, 16), bool)
+        answers = (parts, np.ones(parts.shape, bool), np.zeros((256, 16)), none, none[..., :4])
+        lamp = shares.strata_radiance(case.light, 4)
+        truth = shares.share(case.light, 4, case.g.origin[at], case.g.normal[at], answers, lamp).share
         spread.append((found[at, 0] - truth[:, 0]) ** 2)
         claimed.append(found[at, 3].astype(np.float64) ** 2)
     # 5120 draws know a variance to 2 %

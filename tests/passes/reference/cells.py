@@ -104,13 +104,15 @@ class Votes:
     answer: Bits
     """To what; of the blocks that are not sure: agreed on all the same."""
     calm: Bits
-    """All around lie on one surface and two blocks at most are in doubt, (r, c)."""
+    """All around lie on one surface and CALM_BLOCKS at most are in doubt, (r, c)."""
 
 
 FLAT, LEAST_COSINE = 0.2, 0.8
 """Limits of one surface."""
 ENOUGH = 6
 """Cells on one surface, of nine, whose agreement counts."""
+CALM_BLOCKS = 3
+"""Blocks in doubt with which a cell needs no answers of its pixels."""
 
 
 def on_one_surface(normal: Array, to: Array, other: Array) -> tuple[Bits, Bits]:
@@ -171,5 +173,5 @@ def zone(
     cross = [(1, 1), (0, 1), (2, 1), (1, 0), (1, 2)]
     shifted = [padded[..., dv : dv + light.shape[2], du : du + across] for dv, du in cross]
     sure = np.all(shifted, axis=0).reshape(agreed.shape)
-    calm = (alike == 9) & ((~agreed).sum(axis=-1) <= 2)
+    calm = (alike == 9) & ((~agreed).sum(axis=-1) <= CALM_BLOCKS)
     return Votes(state, sure, np.where(sure, some, voted), calm)

@@ -27,23 +27,24 @@ def quarter_places(across: int) -> Array:
     return np.stack([(columns + 0.5) / (2 * across), (rows + 0.5) * across / 32], axis=-1)
 
 
-def tile_rows(light: Area, across: int) -> Array:
-    """Mean radiance times area of the 64 quarters, row by row of the light's grid, (64, 3)."""
+def strata_radiance(light: Area, across: int) -> Array:
+    """Mean radiance times area of the 256 strata, (16, 16, 3): by block, and row by row in it."""
     if light.radiance.ndim == 1:
-        return np.tile(light.radiance, (64, 1)) * light.area / 64
-    return (
-        stratum_means(light.radiance, 2 * across, 32 // across, light.linear).reshape(64, 3) * light.area / 64
-    )
+        return np.tile(light.radiance, (16, 16, 1)) * light.area / 256
+    means = stratum_means(light.radiance, 4 * across, 64 // across, light.linear)
+    block, within = np.arange(16)[:, None], np.arange(16)
+    rows, columns = 4 * (block // across) + within // 4, 4 * (block % across) + within % 4
+    found: Array = means.reshape(64 // across, 4 * across, 3)[rows, columns] * light.area / 256
+    return found
 
 
-def quarter_radiance(tiles: Array, across: int) -> Array:
-    """The same by block and quarter, (16, 4, 3)."""
-    block, q = np.arange(16)[:, None], np.arange(4)
-    return tiles[(2 * (block // across) + q // 2) * 2 * across + 2 * (block % across) + q % 2]
+Answers = tuple[Array, Bits, Array, Bits, Bits]
+"""Visible parts of quarters (..., 4), which are known, variance of a block, the strata that are seen (..., 16),
+and of which quarters all strata were asked."""
 
 
-def visible_parts(seen: Bits, asked: Bits) -> tuple[Array, Bits, Array]:
-    """From answers (..., 16): visible parts of quarters (..., 4), which are known, variance of a block.
+def visible_parts(seen: Bits, asked: Bits) -> Answers:
+    """From answers (..., 16).
 
     A quarter that asked nothing goes by its whole block; a block that asked nothing is not known.
     """
@@ -54,7 +55,8 @@ def visible_parts(seen: Bits, asked: Bits) -> tuple[Array, Bits, Array]:
     whole = total / np.maximum(count, 1)
     parts = np.where(own > 0, hits / np.maximum(own, 1), whole[..., None])
     variance = np.where(count == 1, ONE_ANSWER, whole * (1 - whole) / np.maximum(count - 1, 1))
-    return parts, np.broadcast_to(count[..., None] > 0, parts.shape), variance
+    known = np.broadcast_to(count[..., None] > 0, parts.shape)
+    return parts, known, variance, seen & asked, own == 4
 
 
 @dataclasses.dataclass
@@ -71,15 +73,16 @@ def share(
     across: int,
     origin: Array,
     normal: Array,
-    answers: tuple[Array, Bits, Array],
-    tiles: Array,
+    answers: Answers,
+    strata: Array,
 ) -> Share:
     """Part of a light that arrives at points (n, 3): Σ w L v / Σ w L with w = cos_s cos_l / d² [HHM18].
 
-    `answers`: of `visible_parts` (n, 16, …); `tiles`: mean radiance times area of the quarters, row by row.
-    What is not known has no weight. Where nothing weighs anything all counts as seen.
+    `answers`: of `visible_parts` (n, 16, …); `strata`: of `strata_radiance`. Where all strata of a picture's
+    quarter were asked, each counts with its own radiance. What is not known has no weight. Where nothing weighs
+    anything all counts as seen.
     """
-    parts, known, variance = answers
+    parts, known, variance, seen, full = answers
     d = light.point(quarter_places(across)) - origin[:, None, None]
     d2 = (d * d).sum(axis=-1)
     height = (d * normal[:, None, None]).sum(axis=-1)
@@ -93,12 +96,19 @@ def share(
         * np.abs(d @ light.normal)
         / d2**2
     )
-    radiance = quarter_radiance(tiles, across)
+    where = (quarter(np.arange(16)) == np.arange(4)[:, None]).astype(float)
+    radiance = np.einsum("ksc,qs->kqc", strata, where)
+    visible = parts[..., None] * radiance
+    if light.radiance.ndim > 1:
+        each = np.einsum("nks,ksc,qs->nkqc", seen.astype(float), strata, where)
+        visible = np.where(full[..., None], each, visible)
     total = weight.sum(axis=(1, 2))
     with np.errstate(divide="ignore", invalid="ignore"):
-        lit, whole = (np.einsum("nkq,kqc->nc", w, radiance) for w in (weight * parts, weight))
+        lit = np.einsum("nkq,nkqc->nc", weight, visible)
+        blocks = np.einsum("nkq,kqc->nkc", weight, radiance)
+        whole = blocks.sum(axis=1)
         found = np.where(whole > 0, lit / whole, 1)
-        error = np.sqrt((weight.sum(axis=2) ** 2 * variance).sum(axis=1)) / total
+        error = (np.sqrt((blocks**2 * variance[..., None]).sum(axis=1)) / whole).max(axis=1)
         doubt = (np.einsum("nkq,kqc->nc", off * known, radiance) / whole).max(axis=1)
         doubt = np.maximum(doubt, (off * known).sum(axis=(1, 2)) / total)
     dark = total <= 0

@@ -165,7 +165,7 @@ LIST = np.dtype(
 PENUMBRA = np.dtype(
     [
         *_fields("width", "height", "first", "most_subs"),
-        *((name, "<f4") for name in ("light_size", "untraced", "one", "four", "narrow", "wide")),
+        *((name, "<f4") for name in ("light_size", "untraced", "one", "four", "narrow", "wide", "calm")),
         *_fields("pad0", "pad1"),
     ]
 )

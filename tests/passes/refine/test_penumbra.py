@@ -15,7 +15,7 @@ from tests.passes.reference.run import Runner, assert_not_within, assert_within,
 from tests.passes.reference.structs import HIT, MISS, PENUMBRA, RAY, VIEW, record, row
 
 SIZES = [(77, 45), (1, 19), (23, 1)]
-LEVELS = {"untraced": 48.0, "one": 16.0, "four": 4.0, "narrow": 3.0, "wide": 20.0}
+LEVELS = {"untraced": 48.0, "one": 16.0, "four": 4.0, "narrow": 3.0, "wide": 20.0, "calm": 30.0}
 Array = NDArray[np.float64]
 
 
@@ -136,7 +136,7 @@ def _expected(
     least[np.isinf(least)] = 0
     subs = np.where(least >= LEVELS["one"], 1, np.where(least >= LEVELS["four"], 4, 16))
     radius = (least >= LEVELS["narrow"]).astype(int) + (least >= LEVELS["wide"])
-    enough = (least >= LEVELS["untraced"]) | (calm & (least >= LEVELS["wide"]))
+    enough = (least >= LEVELS["untraced"]) | (calm & (least >= LEVELS["calm"]))
     traced = np.where(enough, 0, ref.PLAN_TRACED)
     return ref.PLAN_ZONE + traced + ref.PLAN_SUBS * np.minimum(subs, most_subs) + ref.PLAN_RADIUS * radius
 
