@@ -25,7 +25,8 @@ BOUNDS: dict[str, dict[str, float]] = {
     "textured_light": ROOM,
     "dragon_two": ROOM,
     "dragon_card": ROOM,
-    "cluttered": {"relative_rmse": 0.04, "energy": 0.005},
+    # 4 % at 256 x 256; here a pixel holds four times as much clutter
+    "cluttered": {"relative_rmse": 0.05, "energy": 0.005},
     "ribbon_video": {"relative_rmse": 0.04, "energy": 0.005},
     "far_near": {"relative_rmse": 0.03, "energy": 0.003},
 }

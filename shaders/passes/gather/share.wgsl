@@ -52,12 +52,17 @@ fn sight(light: Light, origin: vec3f, normal: vec3f) -> Sight {
     return Sight(corner * scale, light.edge_u * scale, light.edge_v * scale, heights * scale);
 }
 
-// cos_s / d^4: the cosine at the light times d is the same for all of its places.
-fn weight(s: Sight, ab: vec2f) -> f32 {
+// How much a quarter counts that the horizon crosses: its samples may lie on either side, so it only decides where there
+// is nothing else.
+const CROSSED: f32 = 1e-3;
+
+// cos_s / d^4: the cosine at the light times d is the same for all of its places; `half`: half the size of the place.
+fn weight(s: Sight, ab: vec2f, half: vec2f) -> f32 {
     let d = s.corner + ab.x * s.u + ab.y * s.v;
     let d2 = dot(d, d);
     let height = s.heights.x + ab.x * s.heights.y + ab.y * s.heights.z;
-    return max(0.0, height) / max(d2 * d2, 1e-35);
+    let lowest = height - abs(half.x * s.heights.y) - abs(half.y * s.heights.z);
+    return select(CROSSED, 1.0, lowest >= 0.0) * max(0.0, height) / max(d2 * d2, 1e-35);
 }
 
 struct Sums {
@@ -103,7 +108,7 @@ fn add_block(sums: Sums, light: Light, s: Sight, block: u32, seen: u32, asked: u
         let part = select(own, 0xffffu, (asked & own) == 0u);
         let v = f32(countOneBits(seen & asked & part)) / max(f32(countOneBits(asked & part)), 1.0);
         // What nobody asked does not count.
-        let w = select(0.0, weight(s, (vec2f(at) + 0.5) / cells), asked != 0u);
+        let w = select(0.0, weight(s, (vec2f(at) + 0.5) / cells, 0.5 / cells), asked != 0u);
         let quarter = quarter_of(light, block, q, seen);
         all.seen += w * select(v * quarter.all, quarter.seen, PICTURE != 0u && (asked & own) == own);
         block_light += w * quarter.all;

@@ -1,14 +1,16 @@
 // Cells: the answers of the cell rays, gathered a cell each.
 // In     receivers and visible, as cell_rays listed them; open_tiles. Out: cell_bits, in the order of the tiles: bit k
-//        (low half) set when block k of strata is seen, bit 16 + k when it was asked. Of a spot: bit k is pixel k.
+//        (low half) set when block k of strata is seen, bit 16 + k when it was asked; the first without the second: the
+//        surface or the light is turned away from it. Of a spot: bit k is pixel k.
 //        cell_surface: two rows a cell: mean position and whether its pixels lie on one surface, mean normal
 
 import package::common::cells::{CELLS_ACROSS, FLAT, LEAST_COSINE, TILE_CELLS};
 import package::common::grid::{Grid, item_index};
+import package::common::light::{Light, light_at, lights};
 import package::common::list_params::ListParams;
 import package::common::ray::Receiver;
 import package::common::receiver::INACTIVE;
-import package::common::strata::{BLOCKS, WORDS, cell_pixel, cell_stratum};
+import package::common::strata::{BLOCKS, STRATA, WORDS, cell_pixel, cell_stratum};
 import package::common::tiles::TILE;
 
 @group(0) @binding(30) var<uniform> grid: Grid;
@@ -18,6 +20,7 @@ import package::common::tiles::TILE;
 @group(0) @binding(3) var<storage, read> open_tiles: array<u32>;
 @group(0) @binding(4) var<storage, read_write> cell_bits: array<u32>;
 @group(0) @binding(5) var<storage, read_write> cell_surface: array<vec4f>;
+@group(0) @binding(6) var<storage, read> light_points: array<vec4f>;
 
 fn active_pixels(first: u32) -> u32 {
     var awake = 0u;
@@ -49,6 +52,13 @@ fn put_surface(first: u32, awake: u32, to: u32) {
     cell_surface[2u * to + 1u] = vec4f(normal, 0.0);
 }
 
+// Whether a sample could be seen by a receiver, but for what lies between: only then it was traced.
+fn faces(r: Receiver, light: Light, k: u32) -> bool {
+    let d = light_points[r.pattern * STRATA + k].xyz - r.origin;
+    let emits = light.two_sided || dot(light.normal, d) < 0.0;
+    return emits && dot(r.normal_geo, d) > 0.0 && dot(r.normal_shade, d) > 0.0;
+}
+
 @compute @workgroup_size(64)
 fn main(
     @builtin(workgroup_id) group: vec3u,
@@ -64,13 +74,18 @@ fn main(
     let within = i % TILE_CELLS;
     let cell = vec2u(tile % tiles_x, tile / tiles_x) * CELLS_ACROSS + vec2u(within % CELLS_ACROSS, within / CELLS_ACROSS);
     let awake = active_pixels(4u * i);
+    let light = light_at(params.light);
     var bits = 0u;
     for (var block = 0u; block < BLOCKS; block++) {
         let pixel = cell_pixel(block);
+        let stratum = cell_stratum(cell, block);
         let word = visible[(4u * i + pixel) * WORDS + block / 2u] >> (16u * (block & 1u));
-        let seen = (word >> cell_stratum(cell, block)) & 1u;
-        let was_asked = (awake >> pixel) & 1u;
-        bits |= ((seen & was_asked) << block) | (was_asked << (16u + block));
+        let seen = (word >> stratum) & (awake >> pixel) & 1u;
+        var was_asked = 0u;
+        if ((awake >> pixel) & 1u) != 0u {
+            was_asked = select(0u, 1u, faces(receivers[4u * i + pixel], light, 16u * block + stratum));
+        }
+        bits |= (seen << block) | (was_asked << (16u + block));
     }
     cell_bits[tile * TILE_CELLS + within] = bits;
     put_surface(4u * i, awake, tile * TILE_CELLS + within);

@@ -41,6 +41,7 @@ const THRIFTY: u32 = 2u;
 struct Votes {
     seen: u32,      // blocks that some cell sees
     hidden: u32,    // blocks that some cell does not see
+    away: u32,      // blocks that some cell is turned away from
     alike: u32,     // cells on the same surface
 }
 
@@ -59,12 +60,13 @@ fn neighbours(place: vec2u, own: u32) -> Votes {
     let cells = (vec2u(params.width, params.height) + 1u) / 2u;
     let lo = vec2u(max(vec2i(place) - 1, vec2i(0)));
     let hi = min(place + 1u, cells - 1u);
-    var votes = Votes(0u, 0u, 0u);
+    var votes = Votes(0u, 0u, 0u, 0u);
     for (var y = lo.y; y <= hi.y; y++) {
         for (var x = lo.x; x <= hi.x; x++) {
             let index = cell_index(vec2u(x, y), params.width);
             let bits = bits_of(index);
-            votes.seen |= bits & ALL;
+            votes.seen |= bits & (bits >> 16u);
+            votes.away |= bits & ~(bits >> 16u) & ALL;
             votes.hidden |= (bits >> 16u) & ~bits & ALL;
             let known = tile_flags[index / TILE_CELLS] & (FACING | LIT | DARK);
             let alike = known > FACING || (known == FACING && same_surface(own, index));
@@ -103,7 +105,9 @@ fn main(
     let own = bits_of(i);
     let votes = neighbours(min(place, cells - 1u), i);
     let agreed = (votes.seen ^ votes.hidden) & ALL;
-    let all_agree = agreed == ALL && (votes.seen == 0u || votes.hidden == 0u);
+    // What all are turned away from is in nobody's way.
+    let nowhere = votes.away & ~(votes.seen | votes.hidden);
+    let all_agree = (agreed | nowhere) == ALL && (votes.seen == 0u || votes.hidden == 0u);
     var state = select(STATE_ZONE, select(STATE_DARK, STATE_LIT, votes.hidden == 0u), all_agree);
     state = select(state, select(STATE_DARK, STATE_LIT, (flags & LIT) != 0u), proven);
     state = select(state, STATE_NONE, own == 0u);
@@ -111,10 +115,10 @@ fn main(
         cell_state[cell_in_image(place, params.width)] = state;
     }
     let voted = select(0u, agreed, votes.alike >= ENOUGH && params.reuse != 0u);
-    let sure = voted & ~with_beside(ALL & ~voted);
+    let sure = voted & ~with_beside(ALL & ~(voted | nowhere));
     let once = select(0u, voted & ~sure, params.reuse == THRIFTY);
     cell_agreed[i] = sure | (((votes.seen & sure) | once) << 16u);
-    let calm = params.reuse != 0u && votes.alike == 9u && countOneBits(ALL & ~agreed) <= CALM_BLOCKS;
+    let calm = params.reuse != 0u && votes.alike == 9u && countOneBits(ALL & ~(agreed | nowhere)) <= CALM_BLOCKS;
     cell_plan[i] = select(0u, PLAN_ZONE | select(0u, PLAN_CALM, calm), state == STATE_ZONE && all(place < cells));
 }
 

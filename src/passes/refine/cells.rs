@@ -22,7 +22,10 @@ pub fn record(context: &mut Context<'_, '_>, piece: &Asked<'_>, cells: &Cells) -
         .bind("open_tiles", piece.list)
         .bind("cell_bits", &cells.bits);
     if piece.light.is_area() {
-        pass.bind("cell_surface", &cells.surface).dispatch(piece.count * TILE_CELLS)
+        pass.bind("cell_surface", &cells.surface)
+            .bind("light_points", &piece.light.points)
+            .bind("lights", context.scene.lights()?)
+            .dispatch(piece.count * TILE_CELLS)
     } else {
         pass.dispatch(piece.count * TILE_CELLS)
     }

@@ -153,25 +153,29 @@ def zone(
 ) -> Votes:
     """What follows from what cells (r, c, 16) see of the blocks they asked.
 
+    What is seen but was not asked, a cell is turned away from.
     `facing`: the tile faces the light; `proven`: LIT, DARK or NONE of the tile; `alike`: how many cells
     of nine lie on the same surface, (r, c) each. A block is agreed on when someone among a cell and its eight
     neighbours asked it and all that did say the same, if ENOUGH of them are alike; and sure, when the blocks
     beside it on the light, in a grid of `across` columns, are agreed on as well.
     """
+    away = seen & ~asked & (proven == NONE)[..., None] & facing[..., None]
     asked = (asked | (proven != NONE)[..., None]) & facing[..., None]
     seen = np.where((proven != NONE)[..., None], (proven == LIT)[..., None], seen) & asked
     some, missing = around(seen).any(axis=-1), around(asked & ~seen).any(axis=-1)
     agreed = some != missing
+    nowhere = around(away).any(axis=-1) & ~some & ~missing
     state = np.full(facing.shape, ZONE)
-    state[agreed.all(axis=-1) & some.all(axis=-1)] = LIT
-    state[agreed.all(axis=-1) & missing.all(axis=-1)] = DARK
+    settled = (agreed | nowhere).all(axis=-1)
+    state[settled & ~some.any(axis=-1)] = DARK
+    state[settled & ~missing.any(axis=-1)] = LIT
     state = np.where(proven != NONE, proven, state)
-    state[~asked.any(axis=-1)] = NONE
+    state[~(asked | away).any(axis=-1)] = NONE
     voted = agreed & (alike >= ENOUGH)[..., None]
-    light = voted.reshape(*agreed.shape[:2], BLOCKS // across, across)
+    light = (voted | nowhere).reshape(*agreed.shape[:2], BLOCKS // across, across)
     padded = np.pad(light, [(0, 0), (0, 0), (1, 1), (1, 1)], constant_values=True)
     cross = [(1, 1), (0, 1), (2, 1), (1, 0), (1, 2)]
     shifted = [padded[..., dv : dv + light.shape[2], du : du + across] for dv, du in cross]
-    sure = np.all(shifted, axis=0).reshape(agreed.shape)
-    calm = (alike == 9) & ((~agreed).sum(axis=-1) <= CALM_BLOCKS)
+    sure = voted & np.all(shifted, axis=0).reshape(agreed.shape)
+    calm = (alike == 9) & ((~(agreed | nowhere)).sum(axis=-1) <= CALM_BLOCKS)
     return Votes(state, sure, np.where(sure, some, voted), calm)

@@ -16,6 +16,8 @@ from .strata import quarter
 
 Array = NDArray[np.float64]
 Bits = NDArray[np.bool_]
+CROSSED = 1e-3
+"""Weight of a quarter that the horizon crosses."""
 ONE_ANSWER = 0.17
 """Variance of a single yes or no: about 1/6, the mean of p (1 − p) over all p."""
 
@@ -39,8 +41,8 @@ def strata_radiance(light: Area, across: int) -> Array:
 
 
 Answers = tuple[Array, Bits, Array, Bits, Bits]
-"""Visible parts of quarters (..., 4), which are known, variance of a block, the strata that are seen (..., 16),
-and of which quarters all strata were asked."""
+"""Visible parts of quarters (..., 4), which are known, variance of a block, strata seen (..., 16), and of
+which quarters all strata were asked."""
 
 
 def visible_parts(seen: Bits, asked: Bits) -> Answers:
@@ -78,15 +80,20 @@ def share(
 ) -> Share:
     """Part of a light that arrives at points (n, 3): Σ w L v / Σ w L with w = cos_s cos_l / d² [HHM18].
 
-    `answers`: of `visible_parts` (n, 16, …); `strata`: of `strata_radiance`. Where all strata of a picture's
-    quarter were asked, each counts with its own radiance. What is not known has no weight. Where nothing weighs
-    anything all counts as seen.
+    `answers`: of `visible_parts` (n, 16, …); `strata`: of `strata_radiance`. Where all strata of a
+    picture's quarter were asked, each counts with its own radiance. What is not known has no weight. Where
+    nothing weighs anything all counts as seen.
     """
     parts, known, variance, seen, full = answers
     d = light.point(quarter_places(across)) - origin[:, None, None]
     d2 = (d * d).sum(axis=-1)
     height = (d * normal[:, None, None]).sum(axis=-1)
     weight = np.clip(height, 0, None) * np.abs(d @ light.normal) / d2**2 * known
+    # a quarter that the horizon crosses hardly counts
+    corners = np.array([[i, j] for i in (-1, 1) for j in (-1, 1)]) / np.array([4 * across, 64 // across])
+    rim = light.point(quarter_places(across)[..., None, :] + corners) - origin[:, None, None, None]
+    lowest = (rim * normal[:, None, None, None]).sum(axis=-1).min(axis=-1)
+    weight = np.where(lowest >= 0, weight, CROSSED * weight)
     reach = np.linalg.norm(light.corner - origin, axis=1) + np.linalg.norm(light.u) + np.linalg.norm(light.v)
     # of the height by what cancels in it, of the distances to the fourth by theirs; cos_l d is common to all
     off = (

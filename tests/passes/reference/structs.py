@@ -166,7 +166,7 @@ PENUMBRA = np.dtype(
     [
         *_fields("width", "height", "first", "most_subs"),
         *((name, "<f4") for name in ("light_size", "untraced", "one", "four", "narrow", "wide", "calm")),
-        *_fields("pad0", "pad1"),
+        *_fields("pad"),
     ]
 )
 UNIFORM_LEVELS = np.dtype(

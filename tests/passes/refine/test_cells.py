@@ -11,11 +11,19 @@ from numpy.typing import NDArray
 from tests.passes.reference import strata
 from tests.passes.reference.cells import Layout, on_one_surface, pack
 from tests.passes.reference.gbuffers import random_gbuffer
+from tests.passes.reference.lights import Area, random_area, random_spot, table
 from tests.passes.reference.run import ULP, Runner, assert_not_within, assert_within, read
 from tests.passes.reference.structs import LIST, MISS, RECEIVER, record
 
 STALE = 0x12345678
+PATTERN = 3
 Bits = NDArray[np.bool_]
+
+
+def _lamp(rng: np.random.Generator, *, two_sided: bool = False) -> tuple[Area, NDArray[np.float64]]:
+    """A light, and four patterns of 256 points on it."""
+    light = random_area(rng, two_sided=two_sided)
+    return light, light.point(rng.uniform(size=(4, 256, 2)))
 
 
 def _run(
@@ -26,15 +34,23 @@ def _run(
     receivers: NDArray[Any],
     visible: NDArray[np.uint32],
     entry: str,
+    lamp: tuple[Area, NDArray[np.float64]],
 ) -> tuple[NDArray[np.uint32], NDArray[np.float32]]:
     """Bits of all cells, and the two rows about the surface of each."""
     across, down = layout.tiles
-    surface = {"cell_surface": np.full((32 * across * down, 4), STALE, np.float32)}
+    light, points = lamp
+    surface = {
+        "cell_surface": np.full((32 * across * down, 4), STALE, np.float32),
+        "light_points": np.pad(points.reshape(-1, 3), ((0, 0), (0, 1))).astype(np.float32),
+        "lights": table([random_spot(np.random.default_rng(0)), light]),
+    }
     out = runner(
         "passes/refine/cells",
         len(receivers) // 4,
         entry=entry,
-        params=record(LIST, width=layout.width, height=layout.height, first=first, patterns=4, blocks_u=4),
+        params=record(
+            LIST, width=layout.width, height=layout.height, light=1, first=first, patterns=4, blocks_u=4
+        ),
         receivers=receivers,
         visible=visible,
         open_tiles=tiles.astype(np.uint32),
@@ -47,7 +63,7 @@ def _run(
 
 def _receivers(awake: Bits) -> NDArray[Any]:
     receivers = np.zeros(awake.size, RECEIVER)
-    receivers["pattern"] = np.where(awake.ravel(), 3, MISS)
+    receivers["pattern"] = np.where(awake.ravel(), PATTERN, MISS)
     return receivers
 
 
@@ -72,12 +88,23 @@ def test_a_cell_gathers_its_pixels_answers(
     mine = strata.asker(block) == np.arange(4)[:, None]
     asked = mine[None, ..., None] & which[:, None] & awake[..., None, None]
     seen = asked & (rng.uniform(size=asked.shape) < 0.5)
-    found, _ = _run(runner, layout, tiles, first, _receivers(awake), strata.words(seen), "main")
-    expected = pack(seen.any(axis=(1, 3)), asked.any(axis=(1, 3)))
+    lamp = _lamp(rng, two_sided=size[0] < 50)
+    receivers = _receivers(awake)
+    g = random_gbuffer(rng, awake.size)
+    for name, of in (("origin", g.origin), ("normal_geo", g.geometric), ("normal_shade", g.normal)):
+        receivers[name] = of
+    d = lamp[1][PATTERN].reshape(16, 16, 3) - g.origin[:, None, None]
+    faces = ((d @ g.geometric[:, None, :, None])[..., 0] > 0) & ((d @ g.normal[:, None, :, None])[..., 0] > 0)
+    faces &= lamp[0].two_sided | (d @ lamp[0].normal < 0)
+    faced = asked & faces.reshape(asked.shape)
+    assert 0.02 < faced.sum() / asked.sum() < 0.98
+    found, _ = _run(runner, layout, tiles, first, receivers, strata.words(seen), "main", lamp)
+    expected = pack(seen.any(axis=(1, 3)), faced.any(axis=(1, 3)))
     assert (found[cells] == expected).all()
     assert (np.delete(found, cells) == STALE).all(), "other cells keep what they have"
-    other, _ = _run(runner, layout, tiles, first, _receivers(awake), strata.words(asked & ~seen), "main")
-    assert (other[cells] ^ found[cells] == expected >> 16).all(), "the other answers, the same questions"
+    other, _ = _run(runner, layout, tiles, first, receivers, strata.words(asked & ~seen), "main", lamp)
+    questions = pack(asked.any(axis=(1, 3)), asked.any(axis=(1, 3))) & 0xFFFF
+    assert (other[cells] ^ found[cells] == questions).all(), "the other answers, the same questions"
     assert not (other[cells] == expected).all()
 
 
@@ -101,7 +128,9 @@ def test_a_cell_says_where_it_lies_and_whether_on_one_surface(
     live = awake.ravel()
     receivers["origin"][live] = g.position[live]
     receivers["normal_geo"][live] = (turned / np.linalg.norm(turned, axis=1, keepdims=True))[live]
-    _, rows = _run(runner, layout, tiles, 0, receivers, np.zeros((awake.size, 8), np.uint32), "main")
+    _, rows = _run(
+        runner, layout, tiles, 0, receivers, np.zeros((awake.size, 8), np.uint32), "main", _lamp(rng)
+    )
     assert (np.delete(rows, cells, axis=0) == np.float32(STALE)).all()
     found = rows[cells].astype(np.float64)
     some, whole = awake.any(axis=1), awake.all(axis=1)
@@ -130,7 +159,9 @@ def test_of_a_spot_there_is_a_bit_a_pixel(
     tiles, cells = _list(rng, layout, first)
     awake = (layout.number(layout.corners(cells)) >= 0) & (rng.uniform(size=(len(cells), 4)) < 0.8)
     seen = awake & (rng.uniform(size=awake.shape) < 0.5)
-    found, _ = _run(runner, layout, tiles, first, _receivers(awake), seen.astype(np.uint32).ravel(), "spot")
+    found, _ = _run(
+        runner, layout, tiles, first, _receivers(awake), seen.astype(np.uint32).ravel(), "spot", _lamp(rng)
+    )
     blank = np.zeros((len(cells), 12), bool)
     expected = pack(*(np.concatenate([bits, blank], axis=1) for bits in (seen, awake)))
     assert (found[cells] == expected).all()

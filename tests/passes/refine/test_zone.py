@@ -76,11 +76,15 @@ def _case(rng: np.random.Generator, size: tuple[int, int]) -> Case:
     asked &= rng.uniform(size=(count, 16, 1)) < 0.95
     asked = asked.reshape(-1, 16) & layout.inside[:, None]
     surfaces = _surfaces(rng, layout, 0.3, 0.95)
-    return Case(layout, flags.astype(np.uint32), seen.reshape(-1, 16) & asked, asked, surfaces)
+    away = ~asked & (rng.uniform(size=asked.shape) < 0.3)
+    return Case(layout, flags.astype(np.uint32), (seen.reshape(-1, 16) & asked) | away, asked, surfaces)
 
 
 def _run(runner: Runner, case: Case, across: int, reuse: int = 2) -> dict[str, NDArray[Any]]:
-    """The three outputs in image order, of a light that is not alone; what closed tiles' cells said last is left in their bits."""
+    """The three outputs in image order; what closed tiles' cells said last is left in their bits.
+
+    By default of a light that is not alone.
+    """
     layout = case.layout
     stale = np.random.default_rng(7).integers(0, 1 << 32, len(case.open))
     bits = np.where(case.open, ref.pack(case.seen, case.asked), stale).astype(np.uint32)
