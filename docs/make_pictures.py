@@ -12,12 +12,11 @@ from numpy.typing import NDArray
 import miplight as ml
 from miplight import demo
 from miplight.frame import IMAGES
-from miplight.notebook import auto_exposure, level_colors, png_bytes, to_srgb8
+from miplight.notebook import auto_exposure, png_bytes, to_srgb8
 
 OUT = Path(__file__).parent / "pictures"
 SIZE = 256
 REFERENCE_SPP = 4096
-RAYS = "rays_a_pixel"  # a resource with the shadow rays that each pixel took, if the renderer keeps one
 
 
 def _write(name: str, pixels: NDArray[np.uint8]) -> None:
@@ -36,7 +35,7 @@ def brute_force(renderer: ml.Renderer) -> str:
     job = demo.spot_in_a_room(SIZE, SIZE)
     settings = job.settings.replace(gather_rays=256)
     renderer.render(job.scene, job.camera, settings)
-    frame = renderer.render(job.scene, job.camera.replace(fov_y=45.001), settings, (*IMAGES, "fragments"))
+    frame = renderer.render(job.scene, job.camera.replace(fov_y=45.001), settings, IMAGES)
     stops = auto_exposure(frame.image, frame.surface_mask)
     for name in ("direct", "indirect", "image"):
         _write(name, to_srgb8(frame[name], stops))
@@ -45,17 +44,16 @@ def brute_force(renderer: ml.Renderer) -> str:
     depth = np.where(seen, 1.0 - 0.9 * (frame.depth - near) / (far - near), 0.0)
     strips = [np.repeat(depth[..., None], 3, axis=2), 0.5 + 0.5 * frame.normal, frame.albedo]
     _write("geometry", to_srgb8(np.concatenate(strips, axis=1)))
-    _write("fragments", level_colors(frame.fragments.level_map))
     return _times(frame, "Spot in a room", settings)
 
 
 def _map(values: NDArray[np.float64], title: str, name: str, largest: float, colors: str = "magma") -> None:
-    """A picture of one number a pixel, with its scale."""
+    """A picture of one number a pixel, with its scale; pale blue where there is none."""
     figure = plt.figure(figsize=(5.6, 4.6), layout="constrained")
     axes = figure.add_subplot()
     shown = axes.imshow(values, cmap=colors, vmin=0.0, vmax=largest, interpolation="nearest")
-    axes.set_axis_off()
-    axes.set_title(title)
+    shown.set_cmap(shown.get_cmap().with_extremes(bad="lightsteelblue"))
+    axes.set(title=title, xticks=(), yticks=())
     figure.colorbar(shown, shrink=0.8)
     figure.savefig(OUT / f"{name}.png", dpi=100)
     plt.close(figure)
@@ -70,32 +68,26 @@ def _fragment_maps(frame: ml.Frame) -> None:
 
 
 def default_direct(renderer: ml.Renderer) -> str:
-    """Write share, levels, reasons, rays and error of the default's direct light; return its times."""
+    """Write share, levels, reasons and error of the default's direct light; return its times."""
     job = demo.spot_in_a_room(SIZE, SIZE)
     settings = ml.Settings.preset("default")
     clear = ml.Settings.preset("brute-force").replace(visibility="none", direct_estimator="ratio")
     outputs = ("direct", "surface_mask", "fragments")
     unshadowed = renderer.render(job.scene, job.camera, clear, outputs)
-    kept = ()
-    try:
-        frame = renderer.render(job.scene, job.camera, settings, outputs, keep=(RAYS,))
-        kept = (RAYS,)
-    except ml.SettingsError:
-        frame = renderer.render(job.scene, job.camera, settings, outputs)
+    renderer.render(job.scene, job.camera, settings, outputs)
+    frame = renderer.render(job.scene, job.camera, settings, outputs)
     mask = frame.surface_mask
     _write("default", to_srgb8(frame.direct, auto_exposure(frame.direct, mask)))
     _write("unshadowed", to_srgb8(unshadowed.direct, auto_exposure(frame.direct, mask)))
     full = unshadowed.direct.sum(axis=-1, dtype=np.float64)
-    share = np.where(full > 0, frame.direct.sum(axis=-1) / np.where(full > 0, full, 1.0), 0.0)
-    _map(share, "visible share of the light", "share", 1.0, "gray")
+    share = np.where(full > 0, frame.direct.sum(axis=-1) / np.where(full > 0, full, 1.0), np.nan)
+    _map(share, "visible share of the light (blue: none would arrive)", "share", 1.0, "gray")
     _fragment_maps(frame)
-    for name in kept:
-        _map(frame[name].astype(np.float64), "shadow rays a pixel", "rays", float(frame[name].max()))
     reference = ml.mitsuba.reference(job.scene, job.camera, REFERENCE_SPP, part="direct")
     result = ml.testing.compare(frame, reference)
     error = np.abs(result.image - result.reference).mean(axis=-1)
     level = float(result.reference[mask].mean())
-    title = f"error by the mean radiance; relative RMSE {result.relative_rmse:.2%}"
+    title = f"error over the mean radiance; relative RMSE {result.relative_rmse:.2%}"
     _map(np.where(mask, error / level, 0.0), title, "direct_error", 0.1)
     return _times(frame, "Direct light by the preset default", settings)
 
