@@ -4,12 +4,16 @@ use std::any::Any;
 use std::marker::PhantomData;
 use std::ops::Range;
 use std::sync::mpsc;
+use std::time::Duration;
 
 use bytemuck::Pod;
 
 use crate::error::{Error, Result};
 use crate::gpu::context::Gpu;
 use crate::gpu::resource::Buffer;
+
+/// Callbacks of a finished mapping come at once, or never.
+const CALLBACK: Duration = Duration::from_secs(5);
 
 impl Gpu {
     /// Maps bytes of a buffer and waits for it: the work submitted before is done then.
@@ -28,8 +32,10 @@ impl Gpu {
                 });
             }
         })?;
+        drop(send);
         self.wait()?;
-        if landed.try_iter().filter(|&ok| ok).count() == parts.len() {
+        // Another thread that waits for this device may be the one that runs the callbacks, a moment later.
+        if parts.iter().all(|_| landed.recv_timeout(CALLBACK).is_ok_and(|ok| ok)) {
             return Ok(());
         }
         Err(Error::Device("a buffer could not be mapped: is it lent twice?".to_string()))
