@@ -15,6 +15,8 @@ pub struct SceneFacts {
     pub area_lights: usize,
     /// Spot lights that emit something.
     pub spot_lights: usize,
+    /// Area lights that emit a picture.
+    pub pictures: usize,
 }
 
 impl SceneFacts {
@@ -29,6 +31,11 @@ impl SceneFacts {
             visible_lights: snapshot.area_lights.iter().filter(|l| l.visible).count(),
             area_lights: snapshot.area_lights.iter().filter(|l| emits(&l.radiance)).count(),
             spot_lights: snapshot.spot_lights.iter().filter(|l| l.intensity.max_element() > 0.0).count(),
+            pictures: snapshot
+                .area_lights
+                .iter()
+                .filter(|l| emits(&l.radiance) && matches!(l.radiance, Radiance::Textured(_)))
+                .count(),
         }
     }
 }
@@ -77,6 +84,8 @@ pub const FRAGMENTS: [&str; 4] =
     ["direct/pyramid", "direct/one_pass", "direct/fragment_list", "direct/fragment_receivers"];
 /// Passes that take the fragments' light to the pixels.
 pub const UPSAMPLE: [&str; 3] = ["direct/nearest", "direct/bilinear", "direct/edge_aware"];
+/// What a picture on a light adds to the exact light of its mean.
+pub const TEXTURED_SHARE: &str = "direct/textured_share";
 /// Exact unshadowed light times the share that is seen.
 pub const IRRADIANCE: &str = "direct/irradiance";
 /// Passes of indirect light.
@@ -189,6 +198,8 @@ impl Plan {
         self.add(&ADAPTIVE[7..13], sharp);
         self.add(&ADAPTIVE[13..14], sharp.or(unfiltered));
         self.add(&ADAPTIVE[14..], direct);
+        let plain = (facts.pictures == 0).then_some("no light emits a picture");
+        self.add(&[TEXTURED_SHARE], direct.or(plain));
         self.add(&[IRRADIANCE], direct);
     }
 }
@@ -198,7 +209,7 @@ mod tests {
     use super::*;
     use crate::settings::Value;
 
-    const ROOM: SceneFacts = SceneFacts { meshes: 2, visible_lights: 1, area_lights: 1, spot_lights: 0 };
+    const ROOM: SceneFacts = SceneFacts { meshes: 2, visible_lights: 1, area_lights: 1, spot_lights: 0, pictures: 0 };
 
     fn settings(changes: &[(&'static str, &str)]) -> Settings {
         Settings::new(changes.iter().map(|(n, v)| (*n, Value::Text((*v).to_owned())))).unwrap()
@@ -216,7 +227,7 @@ mod tests {
             &ADAPTIVE,
             &FRAGMENTS,
             &UPSAMPLE,
-            &[IRRADIANCE],
+            &[TEXTURED_SHARE, IRRADIANCE],
             &INDIRECT,
             &[COMPOSITE, DOWNSAMPLE],
         ]

@@ -11,12 +11,14 @@ use crate::passes::{Context, GBuffer};
 
 /// Penumbra widths, pixels, from which on a cell's own answers suffice, one stratum of each block, four of it; and below
 /// which nothing is averaged.
-const UNTRACED: f32 = 48.0;
-const ONE: f32 = 32.0;
-const FOUR: f32 = 0.0;
+const UNTRACED: f32 = 36.0;
+const ONE: f32 = 24.0;
+const FOUR: f32 = 0.15;
 const NARROW: f32 = 2.0;
 const WIDE: f32 = 12.0;
 const CALM: f32 = 24.0;
+/// By how much the first two are larger where there are several lights or a picture.
+const MANY: f32 = 4.0 / 3.0;
 
 /// Twin of `PenumbraParams` in `shaders/passes/refine/penumbra.wgsl`.
 #[repr(C)]
@@ -58,8 +60,11 @@ impl PenumbraParams {
             64.. => 4,
             _ => 1,
         };
-        let (untraced, one, four) =
-            if samples >= 1024 { (f32::MAX, f32::MAX, f32::MAX) } else { (UNTRACED, ONE, FOUR) };
+        let (untraced, one, four) = match samples {
+            1024.. => (f32::MAX, f32::MAX, f32::MAX),
+            _ if thrifty(context) => (UNTRACED * MANY, ONE * MANY, 0.0),
+            _ => (UNTRACED, ONE, FOUR),
+        };
         // Fragments of level 1 go by their cells' answers.
         let untraced = if context.settings.int("finest_level") > 0 { 0.0 } else { untraced };
         Self {
