@@ -1,7 +1,5 @@
 //! Compaction on the device, and the indirect dispatch that follows it.
 
-use std::time::Instant;
-
 use miplight::gpu::{Buffer, Gpu, Resources, Usage, never};
 use miplight::passes::refine::compact::{CompactParams, record_with};
 
@@ -82,27 +80,4 @@ fn short_lists_are_refused() {
     let params = CompactParams { items: 65, mask: 1, value: 1, scanned: 0 };
     let error = record_with(&mut recorder, &mut resources, "choose", params, &flags, &list, &arguments).unwrap_err();
     assert!(error.to_string().contains("\"choose\""), "{error}");
-}
-
-#[test]
-#[ignore = "measures"]
-fn measure() {
-    let gpu = Gpu::new("auto").unwrap();
-    for items in [2048usize, 65_536, 1 << 20, 8 << 20] {
-        let mut resources = Resources::new(&gpu);
-        let flags = gpu.upload("flags", &flags(items, 4)).unwrap();
-        let list: Buffer<u32> = gpu.buffer("list", items, Usage::Storage).unwrap();
-        let arguments: Buffer<u32> = gpu.buffer("arguments", 4, Usage::Indirect).unwrap();
-        let mut best = f64::MAX;
-        for _ in 0..7 {
-            let mut recorder = gpu.record(never()).unwrap();
-            let started = Instant::now();
-            let params = CompactParams { items: items as u32, mask: 7, value: 5, scanned: 0 };
-            record_with(&mut recorder, &mut resources, "compact", params, &flags, &list, &arguments).unwrap();
-            let times = recorder.finish().unwrap();
-            best = best.min(times.of("compact"));
-            println!("{items}: {:.3} ms wall, {:.3} ms", started.elapsed().as_secs_f64() * 1e3, times.of("compact"));
-        }
-        println!("{items} items: {best:.3} ms");
-    }
 }
