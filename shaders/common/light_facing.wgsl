@@ -2,9 +2,7 @@
 
 import package::common::light::{Light, SPOT};
 import package::common::light_frame::{LightFrame, in_light_frame};
-
-// Distance in light sizes from which on quadrature is more exact than the contour: twin of FAR_SIZES in common/polygon.
-const FAR_SIZES: f32 = 5.0;
+import package::common::polygon::FAR_SIZES;
 
 struct Facing {
     place: vec3f,       // a, b, h in the light's frame

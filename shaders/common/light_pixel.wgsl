@@ -1,5 +1,6 @@
 // A pixel as one light sees it: its place and normals in the light's own axes, and what is known of its share.
 
+import package::common::cells::{STATE_LIT, STATE_ZONE, cell_in_image};
 import package::common::gbuffer::{SURFACE, floats};
 import package::common::light_frame::{DARK, LIT};
 import package::common::tiles::{TILE_PIXELS, pixel_in_tile_order};
@@ -38,10 +39,6 @@ const NO_TILE: u32 = 0xffffffffu;
 // A list may need that many of them.
 const MOST_ROWS: u32 = 64u;
 
-// Classes of a cell of 2 x 2 pixels.
-const CELL_LIT: u32 = 1u;
-const CELL_ZONE: u32 = 3u;
-
 // What is known of a pixel's share of the light.
 const UNSEEN: u32 = 0u;
 const WHOLE: u32 = 1u;
@@ -70,9 +67,9 @@ fn light_pixel(index: u32, lane: u32) -> LightPixel {
     let corner = in_light_axes(params.corner - floats(g_position[at])) / params.size;
     let emits = corner.z < 0.0 || params.two_sided != 0u;
     let flags = tile_flags[min(tile, params.tiles - 1u)];
-    let state = cell_state[(held.y / 2u) * ((params.width + 1u) / 2u) + held.x / 2u] & 3u;
-    var seen = select(UNSEEN, WHOLE, state == CELL_LIT);
-    seen = select(seen, PART, state == CELL_ZONE);
+    let state = cell_state[cell_in_image(held / 2u, params.width)] & 3u;
+    var seen = select(UNSEEN, WHOLE, state == STATE_LIT);
+    seen = select(seen, PART, state == STATE_ZONE);
     seen = select(seen, UNSEEN, (flags & DARK) != 0u);
     seen = select(seen, WHOLE, (flags & LIT) != 0u);
     let normal = g_normal[at];

@@ -1,6 +1,6 @@
 // From the G-buffer's rows of a pixel to a shading point.
 
-import package::common::gbuffer::{SURFACE, floats};
+import package::common::gbuffer::floats;
 import package::common::random::pcg4d;
 import package::common::ray::Receiver;
 import package::common::surface::offset_origin;

@@ -1,12 +1,11 @@
 // The shading point of each fragment: its surface pixel nearest to its middle. In: G-buffer, list of fragments.
 // Out: receivers, whose `pixel` is the fragment's number in the list; fragment_at.
 
-import package::common::gbuffer::{SURFACE, floats};
+import package::common::gbuffer::SURFACE;
 import package::common::grid::{Grid, item_index};
 import package::common::pyramid::{footprint, pyramid, texel_number};
-import package::common::random::pcg4d;
 import package::common::ray::Receiver;
-import package::common::surface::offset_origin;
+import package::common::receiver::{pattern_of, receiver_of};
 import package::common::tiles::pixel_in_tile_order;
 
 struct FragmentReceiversParams {
@@ -62,9 +61,7 @@ fn main(
     let texel = pixel_in_tile_order(place, pyramid.levels[0].x) >> vec2u(level);
     let pixel = middle_pixel(footprint(level, texel));
     let at = pixel.y * pyramid.levels[0].x + pixel.x;
-    let normal_geo = floats(g_geometric[at]);
-    let origin = offset_origin(floats(g_position[at]), normal_geo, bitcast<f32>(g_position[at].w));
-    let pattern = pcg4d(vec4u(pixel, params.seed, 1u)).x % params.patterns;
-    receivers[i] = Receiver(origin, pattern, normal_geo, 0u, floats(g_normal[at]), fragment);
+    let pattern = pattern_of(pixel, params.seed, params.patterns);
+    receivers[i] = receiver_of(g_position[at], g_normal[at], g_geometric[at], pattern, fragment);
     fragment_at[texel_number(pyramid.levels[level], texel)] = fragment + 1u;
 }

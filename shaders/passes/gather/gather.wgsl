@@ -6,6 +6,7 @@ import package::common::gather_params::GatherParams;
 import package::common::grid::{Grid, item_index};
 import package::common::light::{SPOT, light_at, lights};
 import package::common::ray::Receiver;
+import package::common::receiver::INACTIVE;
 
 @group(0) @binding(30) var<uniform> grid: Grid;
 @group(0) @binding(0) var<uniform> params: GatherParams;
@@ -14,8 +15,6 @@ import package::common::ray::Receiver;
 @group(0) @binding(3) var<storage, read> light_points: array<vec4f>;
 @group(0) @binding(4) var<storage, read> light_radiance: array<vec4f>;
 @group(0) @binding(5) var<storage, read_write> direct_irradiance: array<vec4f>;
-
-const INACTIVE: u32 = 0xffffffffu;
 
 @compute @workgroup_size(64)
 fn main(

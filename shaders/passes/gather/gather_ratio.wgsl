@@ -9,6 +9,7 @@ import package::common::grid::{Grid, item_index};
 import package::common::light::{Light, light_at, lights};
 import package::common::polygon::parallelogram_irradiance;
 import package::common::ray::Receiver;
+import package::common::receiver::INACTIVE;
 
 @group(0) @binding(30) var<uniform> grid: Grid;
 @group(0) @binding(0) var<uniform> params: GatherParams;
@@ -17,8 +18,6 @@ import package::common::ray::Receiver;
 @group(0) @binding(3) var<storage, read> light_points: array<vec4f>;
 @group(0) @binding(4) var<storage, read> light_radiance: array<vec4f>;
 @group(0) @binding(5) var<storage, read_write> direct_irradiance: array<vec4f>;
-
-const INACTIVE: u32 = 0xffffffffu;
 
 fn unshadowed(r: Receiver, light: Light) -> f32 {
     let corner = light.corner - r.origin;

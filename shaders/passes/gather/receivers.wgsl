@@ -1,17 +1,16 @@
 // The shading points of a range of pixels, in tile order. In: G-buffer. Out: receivers, and how many are active.
 
-import package::common::gbuffer::{SURFACE, floats};
+import package::common::gbuffer::SURFACE;
 import package::common::grid::{Grid, item_index};
-import package::common::random::pcg4d;
 import package::common::ray::Receiver;
-import package::common::surface::offset_origin;
+import package::common::receiver::{INACTIVE, inactive_receiver, pattern_of, receiver_of};
 import package::common::tiles::pixel_in_tile_order;
 
 struct ReceiversParams {
     width: u32,
     height: u32,
     first: u32,
-    patterns: u32,      // a power of two
+    patterns: u32,
     seed: u32,
     pad0: u32,
     pad1: u32,
@@ -28,18 +27,14 @@ struct ReceiversParams {
 
 var<workgroup> active_here: atomic<u32>;
 
-const INACTIVE: u32 = 0xffffffffu;
-
 fn receiver(index: u32) -> Receiver {
     let pixel = pixel_in_tile_order(index, params.width);
     let at = pixel.y * params.width + pixel.x;
     if pixel.x >= params.width || pixel.y >= params.height || g_normal[at].w != SURFACE {
-        return Receiver(vec3f(0.0), INACTIVE, vec3f(0.0), 0u, vec3f(0.0), INACTIVE);
+        return inactive_receiver();
     }
-    let normal_geo = floats(g_geometric[at]);
-    let origin = offset_origin(floats(g_position[at]), normal_geo, bitcast<f32>(g_position[at].w));
-    let pattern = pcg4d(vec4u(pixel, params.seed, 1u)).x & (params.patterns - 1u);
-    return Receiver(origin, pattern, normal_geo, 0u, floats(g_normal[at]), at);
+    let pattern = pattern_of(pixel, params.seed, params.patterns);
+    return receiver_of(g_position[at], g_normal[at], g_geometric[at], pattern, at);
 }
 
 @compute @workgroup_size(64)

@@ -3,7 +3,7 @@
 // In     the G-buffer, the light, open_tiles. Out: receivers, 64 a tile, cell after cell; asked: WORDS words each
 //        (area lights), one word each (spots)
 
-import package::common::cells::{CELLS_ACROSS, cell_corner};
+import package::common::cells::{TILE_CELLS, cell_corner, cell_place};
 import package::common::gbuffer::{SURFACE, floats};
 import package::common::grid::{Grid, item_index};
 import package::common::light::{SPOT, light_at, lights};
@@ -13,7 +13,7 @@ import package::common::list_params::ListParams;
 import package::common::ray::Receiver;
 import package::common::receiver::{inactive_receiver, pattern_of, receiver_of};
 import package::common::strata::{BLOCKS, WORDS, cell_pixel, cell_stratum};
-import package::common::tiles::{TILE, TILE_PIXELS};
+import package::common::tiles::TILE_PIXELS;
 
 @group(0) @binding(30) var<uniform> grid: Grid;
 @group(0) @binding(0) var<uniform> params: ListParams;
@@ -27,10 +27,8 @@ import package::common::tiles::{TILE, TILE_PIXELS};
 
 // Cell of thread `i`, in cells of the image.
 fn cell_of(i: u32) -> vec2u {
-    let tiles_x = (params.width + TILE - 1u) / TILE;
     let tile = open_tiles[params.first + i / TILE_PIXELS];
-    let cell = (i % TILE_PIXELS) / 4u;
-    return vec2u(tile % tiles_x, tile / tiles_x) * CELLS_ACROSS + vec2u(cell % CELLS_ACROSS, cell / CELLS_ACROSS);
+    return cell_place(tile * TILE_CELLS + (i % TILE_PIXELS) / 4u, params.width);
 }
 
 fn receiver_at(pixel: vec2u) -> Receiver {

@@ -4,14 +4,13 @@
 //        surface or the light is turned away from it. Of a spot: bit k is pixel k.
 //        cell_surface: two rows a cell: mean position and whether its pixels lie on one surface, mean normal
 
-import package::common::cells::{CELLS_ACROSS, FLAT, LEAST_COSINE, TILE_CELLS};
+import package::common::cells::{FLAT, LEAST_COSINE, TILE_CELLS, cell_place};
 import package::common::grid::{Grid, item_index};
 import package::common::light::{Light, light_at, lights};
 import package::common::list_params::ListParams;
 import package::common::ray::Receiver;
 import package::common::receiver::INACTIVE;
 import package::common::strata::{BLOCKS, STRATA, WORDS, cell_pixel, cell_stratum};
-import package::common::tiles::TILE;
 
 @group(0) @binding(30) var<uniform> grid: Grid;
 @group(0) @binding(0) var<uniform> params: ListParams;
@@ -69,10 +68,8 @@ fn main(
     if i >= grid.end {
         return;
     }
-    let tiles_x = (params.width + TILE - 1u) / TILE;
-    let tile = open_tiles[params.first + i / TILE_CELLS];
-    let within = i % TILE_CELLS;
-    let cell = vec2u(tile % tiles_x, tile / tiles_x) * CELLS_ACROSS + vec2u(within % CELLS_ACROSS, within / CELLS_ACROSS);
+    let index = open_tiles[params.first + i / TILE_CELLS] * TILE_CELLS + i % TILE_CELLS;
+    let cell = cell_place(index, params.width);
     let awake = active_pixels(4u * i);
     let light = light_at(params.light);
     var bits = 0u;
@@ -87,8 +84,8 @@ fn main(
         }
         bits |= (seen << block) | (was_asked << (16u + block));
     }
-    cell_bits[tile * TILE_CELLS + within] = bits;
-    put_surface(4u * i, awake, tile * TILE_CELLS + within);
+    cell_bits[index] = bits;
+    put_surface(4u * i, awake, index);
 }
 
 @compute @workgroup_size(64)

@@ -6,6 +6,10 @@
 // fragments are a partition [NSW09; Deviation: bottom-up, no parent is asked].
 
 import package::common::cells::{CELLS_ACROSS, PLAN_TRACED, STATE_DARK, STATE_LIT, STATE_ZONE, TILE_CELLS, cell_in_image, cell_index, cell_place};
+import package::common::fragment::{
+    LEVEL_CULLED, LEVEL_NOTHING, REASON_BEHIND_LIGHT, REASON_COARSEST, REASON_EMITTER, REASON_FACING_AWAY, REASON_NOTHING,
+    REASON_VISIBILITY,
+};
 import package::common::gbuffer::{NOTHING, SURFACE};
 import package::common::grid::{Grid, item_index};
 import package::common::tiles::TILE;
@@ -36,14 +40,6 @@ struct UniformLevelsParams {
 const EACH_LIGHT: u32 = 0x15555555u;
 const OWN_PIXELS: u32 = 0x80000000u;
 const TILE_LEVEL: u32 = 3u;
-const CULLED: u32 = 254u;
-const UNSEEN: u32 = 255u;
-// Twins of `Reason` in src/frame.rs.
-const COARSEST: u32 = 0u;
-const VISIBILITY: u32 = 4u;
-const EMITTER: u32 = 6u;
-const FACING_AWAY: u32 = 7u;
-const BEHIND_LIGHT: u32 = 8u;
 // Bits of pixel_lights: see light_bounds.
 const FACED: u32 = 1u;
 const AWAY: u32 = 2u;
@@ -144,17 +140,17 @@ fn map(
     let level = min(seen_alike, before);
     let kind = g_normal[i].w;
     let lights = pixel_lights[i];
-    let away = select(BEHIND_LIGHT, FACING_AWAY, (lights & AWAY) != 0u);
-    let split_why = select(VISIBILITY, reason_map[i], params.again != 0u && before < seen_alike);
-    let shaded_why = select(split_why, COARSEST, level == params.coarsest);
+    let away = select(REASON_BEHIND_LIGHT, REASON_FACING_AWAY, (lights & AWAY) != 0u);
+    let split_why = select(REASON_VISIBILITY, reason_map[i], params.again != 0u && before < seen_alike);
+    let shaded_why = select(split_why, REASON_COARSEST, level == params.coarsest);
     let culled = (lights & FACED) == 0u;
     if params.last == 0u {
         level_map[i] = level;
         reason_map[i] = shaded_why;
         return;
     }
-    let level_seen = select(level, CULLED, kind != SURFACE || culled);
-    let why = select(select(EMITTER, away, kind == SURFACE), shaded_why, kind == SURFACE && !culled);
-    level_map[i] = select(level_seen, UNSEEN, kind == NOTHING);
-    reason_map[i] = select(why, UNSEEN, kind == NOTHING);
+    let level_seen = select(level, LEVEL_CULLED, kind != SURFACE || culled);
+    let why = select(select(REASON_EMITTER, away, kind == SURFACE), shaded_why, kind == SURFACE && !culled);
+    level_map[i] = select(level_seen, LEVEL_NOTHING, kind == NOTHING);
+    reason_map[i] = select(why, REASON_NOTHING, kind == NOTHING);
 }

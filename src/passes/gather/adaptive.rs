@@ -12,7 +12,6 @@ use crate::passes::refine::penumbra::{self, PenumbraParams};
 use crate::passes::refine::uniform_levels::Levels;
 use crate::passes::refine::zone::{self, Cells};
 use crate::passes::refine::{cell_rays, cells, compact, penumbra_rays, zone_rays};
-use crate::passes::visibility::shadow::ShadowLight;
 use crate::passes::{Context, GBuffer, TILE_PIXELS};
 use crate::scene::prepare::{LIGHT_ROWS, RADIANCE_ROW};
 
@@ -110,11 +109,11 @@ impl Found {
             passes.iter().filter(|_| count == 0).map(|&pass| (pass, reason)).collect::<Vec<_>>()
         };
         let open = ["direct/cell_rays", "direct/cell_shadow", "direct/cells"];
-        let zone = ["direct/penumbra_rays", "direct/penumbra_trace", "direct/penumbra", "direct/share"];
+        let zone =
+            ["direct/penumbra_rays", "direct/penumbra_trace", "direct/penumbra", "direct/share", "direct/smooth_share"];
         let traced = ["direct/zone_rays", "direct/zone_shadow"];
         let mut all = of(self.open_tiles, &open, "every tile is proven lit or dark");
         all.extend(of(self.zone_cells, &zone, "there is no penumbra"));
-        all.extend(of(self.zone_cells, &["direct/smooth_share"], "there is no penumbra"));
         all.extend(of(self.traced_cells, &traced, "no pixel lies in a narrow penumbra"));
         all
     }
@@ -139,9 +138,8 @@ impl<'g> Light<'g> {
         tiles: Tiles,
         light: usize,
     ) -> Result<Self> {
-        let rows = &context.prepared.light_rows[light * LIGHT_ROWS..][..LIGHT_ROWS];
-        let length = |row: [f32; 4]| glam::Vec3::new(row[0], row[1], row[2]).length();
-        let size = length(rows[1]).min(length(rows[2]));
+        let [length_u, length_v] = light_samples::lengths(context, light);
+        let size = length_u.min(length_v) as f32;
         let light = light_samples::blocks(context, light)?;
         let cells = Cells::new(context, tiles.count)?;
         Ok(Self { gbuffer, frame, tiles, light, cells, size })
@@ -179,17 +177,6 @@ impl<'g> Light<'g> {
         self.ask_zone(context, found)
     }
 
-    fn shadow_light(&self) -> ShadowLight<'_> {
-        ShadowLight {
-            points: &self.light.points,
-            strata: self.light.strata,
-            light_normal: self.light.normal.to_array(),
-            two_sided: self.light.two_sided,
-            cone_axis: self.light.normal.to_array(),
-            cos_cutoff: self.light.cos_cutoff,
-        }
-    }
-
     /// Pieces of a list with `pixels` receivers an entry: `make` writes them and what they ask, `take` has the answers.
     fn ask(
         &self,
@@ -215,7 +202,7 @@ impl<'g> Light<'g> {
                 bits: &bits,
             };
             make(context, &piece)?;
-            let (asked, tracer) = (self.shadow_light(), context.tracer);
+            let (asked, tracer) = (self.light.shadow_light(), context.tracer);
             context.rays +=
                 tracer.shadow_asked(context.recorder, stage, &receivers, &asked, &bits, 0..count * pixels)?;
             take(context, &piece)?;
@@ -275,11 +262,8 @@ impl<'g> Light<'g> {
             |context, piece| share::pixels(context, piece, &self.cells),
         )?;
         if coarse.count > 0 {
-            let unused = context.resources.buffer("receivers", 1)?;
-            let bits = context.resources.buffer("asked", 1)?;
-            let (gbuffer, light, list) = (self.gbuffer, &self.light, &coarse.entries);
-            let piece = Asked { gbuffer, light, list, first: 0, count: coarse.count, receivers: &unused, bits: &bits };
-            share::cells(context, &piece, &self.cells)?;
+            let list = (&coarse.entries, coarse.count);
+            share::cells(context, self.gbuffer, &self.light, &self.cells, list)?;
         }
         if context.settings.is("penumbra_filter", "off") {
             return Ok(self.cells.share.clone());
@@ -293,9 +277,7 @@ impl<'g> Light<'g> {
         }
         Ok(smooth)
     }
-}
 
-impl Light<'_> {
     /// Adds the light, pixel by pixel.
     fn shade(
         &self,

@@ -17,7 +17,6 @@ use crate::error::Result;
 use crate::gpu::Buffer;
 use crate::passes::lights::light_samples;
 use crate::passes::visibility::Receiver;
-use crate::passes::visibility::shadow::ShadowLight;
 use crate::passes::{Context, GBuffer, TILE_PIXELS};
 use crate::plan;
 
@@ -86,19 +85,11 @@ pub fn record(context: &mut Context<'_, '_>, gbuffer: &GBuffer) -> Result<Direct
 fn shade(context: &mut Context<'_, '_>, work: &Gathered<'_>) -> Result<()> {
     let light = work.light;
     if work.traced {
-        let asked = ShadowLight {
-            points: &light.points,
-            strata: light.strata,
-            light_normal: light.normal.to_array(),
-            two_sided: light.two_sided,
-            cone_axis: light.normal.to_array(),
-            cos_cutoff: light.cos_cutoff,
-        };
+        let asked = light.shadow_light();
         let (tracer, range) = (context.tracer, 0..work.count);
         context.rays += tracer.shadow(context.recorder, "shadow", work.receivers, &asked, work.visibility, range)?;
     }
-    let is_area = light.cos_cutoff < -1.0;
-    if is_area && context.settings.is("direct_estimator", "ratio") {
+    if light.is_area() && context.settings.is("direct_estimator", "ratio") {
         gather_ratio::record(context, work)
     } else {
         gather::record(context, work)

@@ -6,6 +6,7 @@ use glam::Vec3;
 use crate::error::Result;
 use crate::gpu::Buffer;
 use crate::passes::Context;
+use crate::passes::visibility::shadow::ShadowLight;
 use crate::scene::material::Texture;
 use crate::scene::prepare::{LIGHT_ROWS, strata_grid};
 
@@ -67,6 +68,18 @@ impl LightSamples {
     pub fn is_area(&self) -> bool {
         self.cos_cutoff < -1.0
     }
+
+    /// As shadow rays see it.
+    pub fn shadow_light(&self) -> ShadowLight<'_> {
+        ShadowLight {
+            points: &self.points,
+            strata: self.strata,
+            light_normal: self.normal.to_array(),
+            two_sided: self.two_sided,
+            cone_axis: self.normal.to_array(),
+            cos_cutoff: self.cos_cutoff,
+        }
+    }
 }
 
 /// How many sets of points a pattern setting needs.
@@ -91,7 +104,8 @@ pub fn record(context: &mut Context<'_, '_>) -> Result<Vec<LightSamples>> {
         .collect()
 }
 
-fn lengths(context: &Context<'_, '_>, light: usize) -> [f64; 2] {
+/// Lengths of a light's edges.
+pub fn lengths(context: &Context<'_, '_>, light: usize) -> [f64; 2] {
     let rows = rows(context, light);
     [1, 2].map(|row| f64::from(xyz(rows[row]).length()))
 }

@@ -85,21 +85,8 @@ impl Tracer {
         if let Some(wgsl) = &self.wgsl {
             return record(wgsl, "main", recorder, stage, receivers, light, visibility, range).map(|()| 0);
         }
-        let words = light.words();
-        recorder.host(stage, |gpu, cancel| {
-            let points = gpu.view(light.points, 0..light.points.len())?;
-            let receivers = gpu.view(receivers, range.clone())?;
-            let mut answers = gpu.view_mut(visibility, range.start * words..range.end * words)?;
-            let table = light.table(&points);
-            let first = (FIRST_RAYS / light.strata.max(1) as usize).max(64);
-            let mut traced = 0;
-            pieces(cancel, range.len(), first, 64, |part| {
-                let bits = &mut answers[part.start * words..part.end * words];
-                traced += self.scene.shadow(&receivers[part], &table, bits, &GO_ON);
-            })?;
-            answers.commit(gpu)?;
-            Ok(traced)
-        })
+        let first = (FIRST_RAYS / light.strata.max(1) as usize).max(64);
+        self.on_host(recorder, stage, receivers, light, visibility, range, first, false)
     }
 
     /// As [`Tracer::shadow`] for some samples only. On entry bit `k` says that stratum `k` is asked; it stays when
@@ -121,22 +108,42 @@ impl Tracer {
         if let Some(wgsl) = &self.wgsl {
             return record(wgsl, "asked", recorder, stage, receivers, light, asked, range).map(|()| 0);
         }
+        self.on_host(recorder, stage, receivers, light, asked, range, FIRST_ASKED, true)
+    }
+
+    /// The native form of both; `first` receivers make the first piece.
+    #[allow(clippy::too_many_arguments, reason = "the question, where its answer goes, and how it is cut")]
+    fn on_host(
+        &self,
+        recorder: &mut Recorder<'_>,
+        stage: &str,
+        receivers: &Buffer<Receiver>,
+        light: &ShadowLight<'_>,
+        bits: &Buffer<u32>,
+        range: Range<usize>,
+        first: usize,
+        some: bool,
+    ) -> Result<u64> {
         let words = light.words();
         recorder.host(stage, |gpu, cancel| {
             let points = gpu.view(light.points, 0..light.points.len())?;
             let receivers = gpu.view(receivers, range.clone())?;
-            let bits = range.start * words..range.end * words;
-            // Mapped memory is there as it is; a copy has to be fetched.
-            let before = if asked.mappable() { None } else { Some(gpu.view(asked, bits.clone())?) };
-            let mut answers = gpu.view_mut(asked, bits)?;
+            let place = range.start * words..range.end * words;
+            // What is asked stands in the answers. Mapped memory is there as it is; a copy has to be fetched.
+            let fetch = some && !bits.mappable();
+            let before = if fetch { Some(gpu.view(bits, place.clone())?) } else { None };
+            let mut answers = gpu.view_mut(bits, place)?;
             if let Some(before) = before {
                 answers.copy_from_slice(&before);
             }
             let table = light.table(&points);
             let mut traced = 0;
-            pieces(cancel, range.len(), FIRST_ASKED, 64, |part| {
+            pieces(cancel, range.len(), first, 64, |part| {
                 let bits = &mut answers[part.start * words..part.end * words];
-                traced += self.scene.shadow_asked(&receivers[part], &table, bits, &GO_ON);
+                traced += match some {
+                    true => self.scene.shadow_asked(&receivers[part], &table, bits, &GO_ON),
+                    false => self.scene.shadow(&receivers[part], &table, bits, &GO_ON),
+                };
             })?;
             answers.commit(gpu)?;
             Ok(traced)

@@ -7,11 +7,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from tests.passes.reference import upsampling
 from tests.passes.reference.gbuffers import GBuffer, plane_gbuffer, wavy_gbuffer
 from tests.passes.reference.image import random_view
 from tests.passes.reference.lights import Spot
 from tests.passes.reference.pyramids import pyramid_record, texels
-from tests.passes.reference.run import Runner, read
+from tests.passes.reference.refining import CULLED
+from tests.passes.reference.run import Runner, assert_not_within, assert_within, read
 from tests.passes.reference.structs import row
 from tests.passes.reference.upsampling import Case
 from tests.passes.refine.test_one_pass import refine
@@ -108,6 +110,28 @@ def constant(case: Case, value: float) -> Array:
     """All fragments alike; what the image should be, (n, 3)."""
     case.light = np.full_like(case.light, value)
     return np.where(case.shaded[:, None], value, 0.0) * np.ones(3)
+
+
+def check_image(
+    runner: Runner, rng: np.random.Generator, stem: str, size: tuple[int, int], coarsest: int, bound: float
+) -> None:
+    """An upsampler against the reference of its name, on a random case."""
+    reference = getattr(upsampling, stem)
+    case = random_case(runner, rng, size, coarsest)
+    found = run(runner, stem, case)
+    assert_within(found, reference(case), bound, "irradiance")
+    assert not found[~case.shaded & (case.g.kind != 1)].any(), "what sees no surface has no light"
+    case.light = case.light[:, [1, 2, 0]]
+    assert_not_within(found, reference(case), bound)
+
+
+def check_constant(runner: Runner, rng: np.random.Generator, stem: str) -> None:
+    """Where all fragments have the same light all pixels have it."""
+    case = random_case(runner, rng, (53, 38))
+    case.at[case.at == CULLED] = 0
+    expected = constant(case, 0.7)
+    found = run(runner, stem, case)
+    assert_within(found[case.shaded], expected[case.shaded], 1e-6, "irradiance")
 
 
 def step_case(runner: Runner, rng: np.random.Generator) -> tuple[Case, NDArray[np.bool_]]:

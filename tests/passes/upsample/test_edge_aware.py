@@ -5,12 +5,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from tests.passes.reference import upsampling
 from tests.passes.reference.gbuffers import plane_gbuffer
 from tests.passes.reference.image import random_view
-from tests.passes.reference.refining import CULLED
 from tests.passes.reference.run import Runner, assert_not_within, assert_within
-from tests.passes.upsample.cases import SIZES, constant, fragments, random_case, run, step_case
+from tests.passes.upsample.cases import SIZES, check_constant, check_image, fragments, run, step_case
 
 BOUND = 1e-4
 
@@ -20,21 +18,11 @@ BOUND = 1e-4
 def test_the_image_agrees_with_the_reference(
     runner: Runner, rng: np.random.Generator, size: tuple[int, int], coarsest: int
 ) -> None:
-    case = random_case(runner, rng, size, coarsest)
-    found = run(runner, "edge_aware", case)
-    expected = upsampling.edge_aware(case)
-    assert_within(found, expected, BOUND, "irradiance")
-    assert not found[~case.shaded & (case.g.kind != 1)].any(), "what sees no surface has no light"
-    case.light = case.light[:, [1, 2, 0]]
-    assert_not_within(found, upsampling.edge_aware(case), BOUND)
+    check_image(runner, rng, "edge_aware", size, coarsest, BOUND)
 
 
 def test_constant_light_stays_constant(runner: Runner, rng: np.random.Generator) -> None:
-    case = random_case(runner, rng, (53, 38))
-    case.at[case.at == CULLED] = 0
-    expected = constant(case, 0.7)
-    found = run(runner, "edge_aware", case)
-    assert_within(found[case.shaded], expected[case.shaded], 1e-6, "irradiance")
+    check_constant(runner, rng, "edge_aware")
 
 
 def test_no_light_crosses_an_edge(runner: Runner, rng: np.random.Generator) -> None:
