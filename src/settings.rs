@@ -104,7 +104,14 @@ pub const SPECS: &[Spec] = &[
          only where `refine` is not none and `direct_estimator` is ratio.",
         "[MWR12]",
     ),
-    choice("specular_visibility", &["ray", "variance"], &["ray"], "ray", "Visibility of the specular part.", "[NPW10]"),
+    choice(
+        "specular_visibility",
+        &["ray", "variance"],
+        &["ray"],
+        "ray",
+        "Visibility of the specular part: rays to samples in the lobe, or the variance of distances to occluders.",
+        "[NPW10 Sec. 3.3.3]",
+    ),
     choice(
         "upsample",
         &["nearest", "bilinear", "edge-aware", "rbf"],
@@ -185,37 +192,71 @@ pub const SPECS: &[Spec] = &[
         "Difference of unit normals above which a fragment is split; None: never.",
         "[NW09]",
     ),
-    later(
+    threshold(
         "illumination_threshold",
-        POSITIVE,
-        "mean irradiance",
-        "Difference of illumination above which a fragment is split.",
-        "[NPW10]",
+        0.1,
+        "Difference of irradiance between neighbours of a level, over the mean irradiance, above which a fragment is \
+         split; `refine` incremental only; None: never.",
+        "[NPW10 Sec. 3.4]",
     ),
-    later(
-        "bit_threshold",
-        Kind::Int { min: 1, max: 4096, only: &[] },
-        "bits",
-        "Differing visibility bits that split a fragment.",
-        "[KJ16]",
-    ),
+    Spec {
+        unit: "bits",
+        nullable: true,
+        ..int(
+            "bit_threshold",
+            [1, 4096],
+            128,
+            "Visibility bits of all `light_samples` on which a neighbourhood of 3 x 3 differs, from which on a fragment \
+             is split; `refine` incremental only; None: never.",
+            "[NPW10 Sec. 3.3.2]",
+        )
+    },
     later("light_cut_threshold", POSITIVE, "", "Contribution above which a light cluster is split.", "[NSW09 Eq. 7]"),
-    later(
-        "voxel_resolution",
-        Kind::Int { min: 16, max: 2048, only: &[] },
-        "voxels",
-        "Voxels along x and y.",
-        "[NPW10]",
+    Spec {
+        unit: "voxels",
+        ..int("voxel_resolution", [16, 2048], 256, "Voxels along the longer side of the view.", "[NPW10 Sec. 4.2]")
+    },
+    Spec {
+        unit: "voxels",
+        ..int("voxel_slices", [32, 2048], 128, "Voxels along depth, a multiple of 32.", "[NPW10 Sec. 4.2]")
+    },
+    choice(
+        "voxel_march",
+        &["uniform", "dda"],
+        &["uniform", "dda"],
+        "uniform",
+        "How a ray goes through the voxels: in equal steps, each of which looks at several slices, or voxel by voxel.",
+        "[NPW10 Sec. 3.3.1]",
     ),
-    later("voxel_bias", POSITIVE, "voxels", "How far a marched ray starts off its surface.", "[NPW10]"),
-    later(
-        "interleave",
-        Kind::Int { min: 1, max: 8, only: &[] },
-        "pixels",
-        "Width of the interleaved sampling pattern.",
-        "[NPW10]",
-    ),
-    choice("specular", OFF_ON, &["off"], "off", "The specular part of materials.", "[NPW10]"),
+    int("voxel_steps", [2, 1024], 32, "Steps of a ray through the voxels; `voxel_march` uniform only.", "[NPW10]"),
+    Spec {
+        unit: "voxels",
+        nullable: false,
+        ..threshold("voxel_bias", 1.5, "How far a marched ray starts off its surface.", "[NPW10 Sec. 4.3]")
+    },
+    Spec {
+        unit: "of the image",
+        nullable: false,
+        ..threshold(
+            "voxel_margin",
+            0.0,
+            "By how much of the image the voxels reach beyond each of its sides, so that occluders off screen count.",
+            "[NPW10]",
+        )
+    },
+    Spec {
+        unit: "pixels",
+        kind: Kind::Int { min: 1, max: 2, only: &[] },
+        ..int(
+            "interleave",
+            [1, 2],
+            1,
+            "Width of the interleaved sampling pattern: with 2 a fragment asks every fourth sample, and its neighbours \
+             the others; `refine` incremental only.",
+            "[NPW10 Sec. 3.3.2]",
+        )
+    },
+    choice("specular", OFF_ON, OFF_ON, "on", "The specular part of materials.", "[NPW10 Sec. 3.2.1]"),
     Spec {
         name: "supersample",
         kind: Kind::Int { min: 1, max: 4, only: &[1, 2, 4] },
