@@ -35,6 +35,8 @@ pub struct Stats {
     pub total_ms: f64,
     /// Time of each pass, in the order in which they first ran.
     pub stages: Vec<(String, f64)>,
+    /// Level and time of what ran level by level, milliseconds; parts of `stages`.
+    pub level_ms: Vec<(u32, f64)>,
     /// Rays traced.
     pub rays: u64,
     /// Light samples evaluated.

@@ -82,6 +82,8 @@ pub const ADAPTIVE: [&str; 15] = [
 /// Passes that choose the fragments whose middle is shaded.
 pub const FRAGMENTS: [&str; 4] =
     ["direct/pyramid", "direct/one_pass", "direct/fragment_list", "direct/fragment_receivers"];
+/// Passes that choose fragments level by level, by what is seen at coarser ones.
+pub const INCREMENTAL: [&str; 4] = ["direct/nodes", "direct/reuse", "direct/interleaved", "direct/incremental"];
 /// Passes that take the fragments' light to the pixels.
 pub const UPSAMPLE: [&str; 3] = ["direct/nearest", "direct/bilinear", "direct/edge_aware"];
 /// What a picture on a light adds to the exact light of its mean.
@@ -143,6 +145,11 @@ pub fn is_adaptive(settings: &Settings) -> bool {
     coarse && !settings.is("refine", "none") && settings.is("direct_estimator", "ratio")
 }
 
+/// Whether fragments are chosen level by level.
+pub fn is_incremental(settings: &Settings) -> bool {
+    settings.is("refine", "incremental") && has_fragments(settings)
+}
+
 /// Whether discontinuities of depth or normals split what shadows leave whole.
 pub fn splits_by_geometry(settings: &Settings) -> bool {
     settings.float("depth_threshold").is_some() || settings.float("normal_threshold").is_some()
@@ -166,13 +173,18 @@ impl Plan {
         let chosen = if is_adaptive(settings) && splits_by_geometry(settings) { None } else { pixels };
         self.add(&FRAGMENTS[..1], direct.or(chosen).or(flat));
         self.add(&FRAGMENTS[1..3], direct.or(chosen));
-        self.add(&FRAGMENTS[3..], direct.or(pixels));
+        let by_level = is_incremental(settings).then_some("refine is incremental");
+        self.add(&FRAGMENTS[3..], direct.or(pixels).or(by_level));
+        let other = (!is_incremental(settings)).then_some("refine is not incremental");
         let unshadowed = settings.is("visibility", "none").then_some("visibility is none");
+        self.add(&INCREMENTAL[..1], direct.or(other));
+        self.add(&INCREMENTAL[1..2], direct.or(other).or(unshadowed));
         self.add(&DIRECT[2..3], direct.or(adaptive).or(unshadowed));
+        self.add(&INCREMENTAL[2..], direct.or(other));
         let ratio = settings.is("direct_estimator", "ratio");
         let no_sum =
             (ratio && facts.spot_lights == 0).then_some("direct_estimator is ratio, and there is no spot light");
-        self.add(&DIRECT[3..4], direct.or(adaptive).or(no_sum));
+        self.add(&DIRECT[3..4], direct.or(adaptive).or(by_level).or(no_sum));
         let no_ratio = (!ratio).then_some("direct_estimator is samples");
         self.add(&DIRECT[4..], direct.or(adaptive).or(no_area).or(no_ratio));
         for (pass, upsample) in UPSAMPLE.into_iter().zip(["nearest", "bilinear", "edge-aware"]) {
@@ -226,6 +238,7 @@ mod tests {
             &DIRECT,
             &ADAPTIVE,
             &FRAGMENTS,
+            &INCREMENTAL,
             &UPSAMPLE,
             &[TEXTURED_SHARE, IRRADIANCE],
             &INDIRECT,
@@ -241,7 +254,7 @@ mod tests {
                     ("visibility", "none"),
                     ("direct_estimator", "ratio"),
                 ] {
-                    for refine in ["none", "one-pass"] {
+                    for refine in ["none", "one-pass", "incremental"] {
                         let plan = plan(facts, &settings(&[change, ("refine", refine)]), Valid { gbuffer });
                         for pass in &all {
                             let why = reason(&plan, pass);

@@ -195,7 +195,7 @@ impl Renderer {
 
 fn statistics(plan: &Plan, times: Times, started: Instant) -> Stats {
     let total_ms = started.elapsed().as_secs_f64() * 1e3;
-    let mut stages = times.stages;
+    let (mut stages, levels) = by_level(times.stages);
     // Work before the recording began (checks, rebasing) is the host's as well.
     if let Some((_, host)) = stages.iter_mut().find(|(name, _)| name == "host") {
         *host += total_ms - times.total_ms;
@@ -203,9 +203,29 @@ fn statistics(plan: &Plan, times: Times, started: Instant) -> Stats {
     Stats {
         total_ms,
         stages,
+        level_ms: levels,
         skipped: plan.skipped.iter().map(|(name, reason)| ((*name).to_owned(), (*reason).to_owned())).collect(),
         ..Stats::default()
     }
+}
+
+/// Stages without their levels, summed, and the time of each level.
+fn by_level(timed: Vec<(String, f64)>) -> (Vec<(String, f64)>, Vec<(u32, f64)>) {
+    let (mut stages, mut levels) = (Vec::<(String, f64)>::new(), Vec::<(u32, f64)>::new());
+    for (name, ms) in timed {
+        let (stage, level) = name.split_once('@').map_or((name.as_str(), None), |(s, l)| (s, l.parse().ok()));
+        match stages.iter_mut().find(|(known, _)| known == stage) {
+            Some((_, sum)) => *sum += ms,
+            None => stages.push((stage.to_owned(), ms)),
+        }
+        if let Some(level) = level {
+            match levels.iter_mut().find(|(known, _)| *known == level) {
+                Some((_, sum)) => *sum += ms,
+                None => levels.push((level, ms)),
+            }
+        }
+    }
+    (stages, levels)
 }
 
 /// What the passes did.

@@ -65,7 +65,7 @@ pub const SPECS: &[Spec] = &[
     choice(
         "refine",
         &["none", "iterative", "one-pass", "incremental", "sub-fragment"],
-        &["none", "one-pass"],
+        &["none", "one-pass", "incremental"],
         "none",
         "How fragments are split; `none` shades every pixel.",
         "[NW09; NSW09; NPW10; KJ16]",
@@ -280,7 +280,19 @@ pub const PRESETS: &[(&str, Option<Changes>)] = &[
     ("splatting-2009", None),
     ("radiosity-2009", None),
     ("hierarchical-2009", None),
-    ("area-2010", None),
+    (
+        "area-2010",
+        Some(&[
+            ("refine", Default::Text("incremental")),
+            ("visibility_reuse", Default::Text("incremental")),
+            ("interleave", Default::Int(2)),
+            ("light_pattern", Default::Text("grid")),
+            ("upsample", Default::Text("edge-aware")),
+            ("depth_metric", Default::Text("derivative")),
+            ("depth_threshold", Default::Float(2.0)),
+            ("normal_metric", Default::Text("component")),
+        ]),
+    ),
     ("area-2016", None),
     ("brute-force", Some(&[])),
     (

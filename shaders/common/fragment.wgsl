@@ -14,6 +14,7 @@ const LEVEL_NOTHING: u32 = 255u;
 const REASON_COARSEST: u32 = 0u;
 const REASON_DEPTH: u32 = 1u;
 const REASON_NORMAL: u32 = 2u;
+const REASON_ILLUMINATION: u32 = 3u;
 const REASON_VISIBILITY: u32 = 4u;
 const REASON_EMITTER: u32 = 6u;
 const REASON_FACING_AWAY: u32 = 7u;

@@ -31,6 +31,8 @@ pub struct Recorder<'a> {
     pub(crate) staging: Staging,
     pub(crate) clock: Clock,
     scope: String,
+    /// Level that stages are told apart by.
+    level: Option<u32>,
     /// Predicted time of what is recorded and not submitted, nanoseconds.
     pub(crate) predicted_ns: f64,
 }
@@ -49,6 +51,7 @@ impl Gpu {
             staging: Staging::new(self)?,
             clock: Clock::new(self)?,
             scope: String::new(),
+            level: None,
             predicted_ns: 0.0,
         })
     }
@@ -80,13 +83,18 @@ impl<'a> Recorder<'a> {
     /// As [`Recorder::scope`], where no closure can hold the recorder; returns the outer scope for
     /// [`Recorder::leave`].
     pub fn enter(&mut self, scope: &str) -> String {
-        let inner = self.stage(scope);
+        let inner = self.within(scope);
         std::mem::replace(&mut self.scope, inner)
     }
 
     /// Ends what [`Recorder::enter`] began.
     pub fn leave(&mut self, outer: String) {
         self.scope = outer;
+    }
+
+    /// Names of the stages end with `@level` from now on, or no longer.
+    pub fn at_level(&mut self, level: Option<u32>) {
+        self.level = level;
     }
 
     /// Runs host code after everything recorded so far is done; its wall time is the stage's.
@@ -112,6 +120,18 @@ impl<'a> Recorder<'a> {
         let gpu = self.gpu.clone();
         let encoder = self.encoder();
         gpu.scoped(&format!("clearing {buffer:?}"), || encoder.clear_buffer(buffer.raw(), 0, None))
+    }
+
+    /// As [`Recorder::clear`], from element `first` on.
+    ///
+    /// # Errors
+    /// [`Error::Device`].
+    pub fn clear_from<T: Pod>(&mut self, buffer: &Buffer<T>, first: usize) -> Result<()> {
+        buffer.check_range(&(first..buffer.len()))?;
+        let gpu = self.gpu.clone();
+        let encoder = self.encoder();
+        let offset = (first * size_of::<T>()) as u64;
+        gpu.scoped(&format!("clearing {buffer:?}"), || encoder.clear_buffer(buffer.raw(), offset, None))
     }
 
     /// Copies the first `count` elements, in order with the passes.
@@ -168,6 +188,11 @@ impl<'a> Recorder<'a> {
 
     /// Full name of a stage inside the current scope.
     pub(crate) fn stage(&self, name: &str) -> String {
+        let stage = self.within(name);
+        self.level.map_or(stage.clone(), |level| format!("{stage}@{level}"))
+    }
+
+    fn within(&self, name: &str) -> String {
         if self.scope.is_empty() { name.to_string() } else { format!("{}/{name}", self.scope) }
     }
 

@@ -257,6 +257,23 @@ impl Resources {
         Ok(Buffer { allocation, label: name.into(), len, element: PhantomData })
     }
 
+    /// As [`Resources::buffer`], with room to spare when it is made anew; then the old one is returned as well, whose
+    /// elements the new one lacks.
+    ///
+    /// # Errors
+    /// As [`Gpu::buffer`].
+    pub fn grow<T: Pod>(&mut self, name: &str, len: usize) -> Result<(Buffer<T>, Option<Buffer<T>>)> {
+        let usage = Usage::Storage;
+        let old = self.kept.get(name).filter(|kept| kept.usage == usage && kept.raw.size() < bytes_of::<T>(len)).cloned();
+        let Some(allocation) = old else {
+            return Ok((self.buffer(name, len)?, None));
+        };
+        let held = allocation.raw.size() as usize / size_of::<T>();
+        let old = Buffer { allocation, label: name.into(), len: held, element: PhantomData };
+        self.buffer::<T>(name, len + len / 2)?;
+        Ok((self.buffer(name, len)?, Some(old)))
+    }
+
     /// Takes a buffer out of the pool, so that the next frame makes a new one and the holder keeps this one's contents.
     pub fn release(&mut self, name: &str) {
         self.kept.remove(name);

@@ -130,6 +130,18 @@ impl Context<'_, '_> {
         result
     }
 
+    /// The buffer `name` with room for `len` elements; its first `kept` stay as they are.
+    ///
+    /// # Errors
+    /// `Device`.
+    pub fn grown<T: Pod>(&mut self, name: &str, kept: usize, len: usize) -> Result<Buffer<T>> {
+        let (buffer, old) = self.resources.grow(name, len)?;
+        if let Some(old) = old {
+            self.recorder.copy(&old, &buffer, kept.min(old.len()))?;
+        }
+        Ok(buffer)
+    }
+
     /// The kernel of `shaders/passes/<stem>.wgsl`.
     ///
     /// # Errors

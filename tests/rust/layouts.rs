@@ -191,7 +191,7 @@ fn instance() -> Layout {
 }
 
 fn light_samples() -> Layout {
-    host_layout!(LightSamplesParams { light, strata_u, strata_v, patterns, seed, jittered, t_max, pad })
+    host_layout!(LightSamplesParams { light, strata_u, strata_v, patterns, seed, jittered, t_max, classes })
 }
 
 #[test]

@@ -16,7 +16,7 @@ struct LightSamplesParams {
     seed: u32,
     jittered: u32,
     t_max: f32,
-    pad: u32,
+    classes: u32,       // sets that samples are dealt to: 1, or 4 of which each takes one of 2 x 2 strata [KH01]
 }
 
 @group(0) @binding(30) var<uniform> grid: Grid;
@@ -24,8 +24,14 @@ struct LightSamplesParams {
 @group(0) @binding(1) var<storage, read_write> light_points: array<vec4f>;
 @group(0) @binding(2) var<storage, read_write> light_radiance: array<vec4f>;
 
-// The cell of stratum k.
+// The cell of stratum k. Set after set where there are several, each row by row.
 fn stratum_cell(k: u32, nu: u32, nv: u32) -> vec2u {
+    if params.classes == 4u {
+        let of_a_set = nu * nv / 4u;
+        let within = k % of_a_set;
+        let taken = k / of_a_set;
+        return 2u * vec2u(within % (nu / 2u), within / (nu / 2u)) + vec2u(taken & 1u, taken >> 1u);
+    }
     if nu % 4u != 0u || nv % 4u != 0u {
         return vec2u(k % nu, k / nu);
     }

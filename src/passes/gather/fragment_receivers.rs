@@ -5,7 +5,7 @@ use bytemuck::{Pod, Zeroable};
 use crate::error::Result;
 use crate::gpu::Buffer;
 use crate::passes::lights::light_samples;
-use crate::passes::refine::one_pass::Fragments;
+use crate::passes::refine::one_pass::Listed;
 use crate::passes::visibility::Receiver;
 use crate::passes::{Context, GBuffer};
 
@@ -30,7 +30,7 @@ pub struct FragmentReceiversParams {
 pub fn record(
     context: &mut Context<'_, '_>,
     gbuffer: &GBuffer,
-    fragments: &Fragments,
+    listed: &Listed,
     first: usize,
     count: usize,
     receivers: &Buffer<Receiver>,
@@ -43,8 +43,8 @@ pub fn record(
         pad: 0,
     };
     let pass = context.recorder.pass("fragment_receivers", &kernel).uniform("params", &params);
-    let pass = pass.uniform("pyramid", &fragments.texels.pyramid).bind("g_position", &gbuffer.position);
+    let pass = pass.uniform("pyramid", &listed.fragments.texels.pyramid).bind("g_position", &gbuffer.position);
     let pass = pass.bind("g_normal", &gbuffer.normal).bind("g_geometric", &gbuffer.geometric);
-    let pass = pass.bind("fragment_list", &fragments.list).bind("fragment_flags", &fragments.flags);
-    pass.bind("receivers", receivers).bind("fragment_at", &fragments.at).dispatch(count)
+    let pass = pass.bind("fragment_list", &listed.list).bind("fragment_flags", &listed.flags);
+    pass.bind("receivers", receivers).bind("fragment_at", &listed.fragments.at).dispatch(count)
 }

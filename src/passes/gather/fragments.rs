@@ -15,8 +15,8 @@ use crate::passes::{Context, GBuffer, upsample};
 /// Those of the device; `Settings` for levels in the wrong order; `Cancelled`.
 pub fn record(context: &mut Context<'_, '_>, gbuffer: &GBuffer) -> Result<Direct> {
     let samples = light_samples::record(context)?;
-    let fragments = one_pass::record(context, gbuffer)?;
-    let arguments = &fragments.arguments;
+    let listed = one_pass::record(context, gbuffer)?;
+    let arguments = &listed.arguments;
     let count = context.recorder.host("fragment_list", |gpu, _| Ok(gpu.read(arguments)?[3] as usize))?;
     let active = context.resources.buffer("active_receivers", 1)?;
     active.write(context.recorder.gpu(), 0, &[count as u32])?;
@@ -30,17 +30,18 @@ pub fn record(context: &mut Context<'_, '_>, gbuffer: &GBuffer) -> Result<Direct
     let mut first = 0;
     while first < count {
         let chunk = len.min(count - first);
-        fragment_receivers::record(context, gbuffer, &fragments, first, chunk, &receivers)?;
+        fragment_receivers::record(context, gbuffer, &listed, first, chunk, &receivers)?;
         for light in &samples {
             let (receivers, visibility, irradiance) = (&receivers, &visibility, &own);
             shade(context, &Gathered { light, receivers, visibility, count: chunk, traced: words > 0, irradiance })?;
         }
         first += chunk;
     }
+    let fragments = listed.fragments;
     let irradiance = upsample::record(context, gbuffer, &fragments, &own)?;
     let samples = samples.iter().map(|s| u64::from(s.strata)).sum();
     let levels = Some([fragments.level_map, fragments.reason_map]);
     let why = "every pixel is culled or sees nothing";
     let empty = if count == 0 { vec![("direct/fragment_receivers", why), ("direct/shadow", why)] } else { vec![] };
-    Ok(Direct { irradiance, active, samples, levels, empty })
+    Ok(Direct { irradiance, active, samples, levels, empty, nodes: None })
 }

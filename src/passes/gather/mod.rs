@@ -6,7 +6,9 @@ pub mod fragments;
 #[allow(clippy::module_inception, reason = "the pass has the name of its stage")]
 pub mod gather;
 pub mod gather_ratio;
+pub mod interleaved;
 pub mod irradiance;
+pub mod levels;
 pub mod receivers;
 pub mod share;
 pub mod smooth_share;
@@ -16,6 +18,7 @@ use self::gather::Gathered;
 use crate::error::Result;
 use crate::gpu::Buffer;
 use crate::passes::lights::light_samples;
+use crate::passes::refine::nodes::Nodes;
 use crate::passes::visibility::Receiver;
 use crate::passes::{Context, GBuffer, TILE_PIXELS};
 use crate::plan;
@@ -38,6 +41,8 @@ pub struct Direct {
     pub levels: Option<[Buffer<u32>; 2]>,
     /// Passes that had nothing to do, and why.
     pub empty: Vec<(&'static str, &'static str)>,
+    /// What incremental refinement looked at.
+    pub nodes: Option<Nodes>,
 }
 
 /// Receivers that are worked on at once.
@@ -54,6 +59,9 @@ fn chunk_len(context: &Context<'_, '_>, strata: u32) -> usize {
 pub fn record(context: &mut Context<'_, '_>, gbuffer: &GBuffer) -> Result<Direct> {
     if plan::is_adaptive(context.settings) {
         return adaptive::record(context, gbuffer);
+    }
+    if plan::is_incremental(context.settings) {
+        return levels::record(context, gbuffer);
     }
     if plan::has_fragments(context.settings) {
         return fragments::record(context, gbuffer);
@@ -79,7 +87,7 @@ pub fn record(context: &mut Context<'_, '_>, gbuffer: &GBuffer) -> Result<Direct
         first += count;
     }
     let samples = samples.iter().map(|s| u64::from(s.strata)).sum();
-    Ok(Direct { irradiance, active, samples, levels: None, empty: Vec::new() })
+    Ok(Direct { irradiance, active, samples, levels: None, empty: Vec::new(), nodes: None })
 }
 
 fn shade(context: &mut Context<'_, '_>, work: &Gathered<'_>) -> Result<()> {

@@ -34,8 +34,8 @@ pub struct LightSamplesParams {
     pub jittered: u32,
     /// Written as the points' fourth number.
     pub t_max: f32,
-    /// Unused.
-    pub pad: u32,
+    /// Sets that samples are dealt to: 1 or 4.
+    pub classes: u32,
 }
 
 /// The samples of one light.
@@ -43,10 +43,12 @@ pub struct LightSamplesParams {
 pub struct LightSamples {
     /// Which light.
     pub light: u32,
-    /// Samples a pattern.
+    /// Samples a pattern; of an interleaved light, of each of its sets.
     pub strata: u32,
     /// Strata along edge u.
     pub strata_u: u32,
+    /// Interleaved sets, one after the other in each pattern: 1 or 4; 1 of a spot.
+    pub classes: u32,
     /// Sets of points.
     pub patterns: u32,
     /// patterns × strata points, fourth number the largest t of a ray to it.
@@ -67,6 +69,11 @@ impl LightSamples {
     /// An area light, not a spot.
     pub fn is_area(&self) -> bool {
         self.cos_cutoff < -1.0
+    }
+
+    /// Samples of a set along a row of the light.
+    pub fn row(&self) -> u32 {
+        if self.classes > 1 { self.strata_u / 2 } else { self.strata_u }
     }
 
     /// As shadow rays see it.
@@ -92,14 +99,26 @@ pub fn patterns(context: &Context<'_, '_>) -> u32 {
 /// # Errors
 /// Those of the device.
 pub fn record(context: &mut Context<'_, '_>) -> Result<Vec<LightSamples>> {
+    interleaved(context, 1)
+}
+
+/// Samples every light; those of area lights are dealt to `classes` (1 or 4) sets, one of each 2 x 2 strata to each set
+/// [KH01].
+///
+/// # Errors
+/// Those of the device.
+pub fn interleaved(context: &mut Context<'_, '_>, classes: u32) -> Result<Vec<LightSamples>> {
     let prepared = context.prepared;
+    let side = if classes > 1 { 2 } else { 1 };
     (0..prepared.lights)
         .map(|light| {
             if light >= prepared.area_lights {
-                return spot(context, light);
+                return spot(context, light, classes);
             }
             let [length_u, length_v] = lengths(context, light);
-            area(context, light, strata_grid(context.settings.int("light_samples"), length_u, length_v))
+            let of_a_set = context.settings.int("light_samples") / classes;
+            let grid = strata_grid(of_a_set, length_u, length_v).map(|along| side * along);
+            area(context, light, grid, classes)
         })
         .collect()
 }
@@ -116,11 +135,11 @@ pub fn lengths(context: &Context<'_, '_>, light: usize) -> [f64; 2] {
 /// Those of the device.
 pub fn blocks(context: &mut Context<'_, '_>, light: usize) -> Result<LightSamples> {
     if light >= context.prepared.area_lights {
-        return spot(context, light);
+        return spot(context, light, 1);
     }
     let [length_u, length_v] = lengths(context, light);
     let [blocks_u, blocks_v] = strata_grid(16, length_u, length_v);
-    let mut samples = area(context, light, [4 * blocks_u, 4 * blocks_v])?;
+    let mut samples = area(context, light, [4 * blocks_u, 4 * blocks_v], 1)?;
     if let Some(texture) = context.prepared.light_textures.get(&light) {
         samples.boosts = boosts(texture, [blocks_u, blocks_v]);
     }
@@ -154,7 +173,7 @@ fn boosts(texture: &Texture, [blocks_u, blocks_v]: [u32; 2]) -> u32 {
     sums.iter().enumerate().fold(0, |all, (block, &sum)| all | boost(sum) << (2 * block))
 }
 
-fn parameters(context: &Context<'_, '_>, light: usize, grid: [u32; 2]) -> LightSamplesParams {
+fn parameters(context: &Context<'_, '_>, light: usize, grid: [u32; 2], classes: u32) -> LightSamplesParams {
     let patterns = patterns(context);
     LightSamplesParams {
         light: light as u32,
@@ -164,7 +183,7 @@ fn parameters(context: &Context<'_, '_>, light: usize, grid: [u32; 2]) -> LightS
         seed: context.settings.int("seed"),
         jittered: u32::from(patterns > 1),
         t_max: T_MAX,
-        pad: 0,
+        classes,
     }
 }
 
@@ -184,9 +203,9 @@ fn xyz(row: [f32; 4]) -> Vec3 {
     Vec3::new(row[0], row[1], row[2])
 }
 
-fn area(context: &mut Context<'_, '_>, light: usize, grid: [u32; 2]) -> Result<LightSamples> {
+fn area(context: &mut Context<'_, '_>, light: usize, grid: [u32; 2], classes: u32) -> Result<LightSamples> {
     let rows = rows(context, light);
-    let params = parameters(context, light, grid);
+    let params = parameters(context, light, grid, classes);
     let (strata, patterns) = (grid[0] * grid[1], params.patterns);
     let count = (patterns * strata) as usize;
     let points = context.resources.buffer(&format!("light_points/{light}"), count)?;
@@ -198,9 +217,10 @@ fn area(context: &mut Context<'_, '_>, light: usize, grid: [u32; 2]) -> Result<L
     radiance(context, &params, &to)?;
     Ok(LightSamples {
         light: light as u32,
-        strata,
+        strata: strata / classes,
         strata_u: grid[0],
-        patterns,
+        classes,
+        patterns: patterns * classes,
         points,
         radiance: to,
         normal: xyz(rows[3]),
@@ -211,9 +231,9 @@ fn area(context: &mut Context<'_, '_>, light: usize, grid: [u32; 2]) -> Result<L
 }
 
 /// A spot is one point in every pattern.
-fn spot(context: &mut Context<'_, '_>, light: usize) -> Result<LightSamples> {
+fn spot(context: &mut Context<'_, '_>, light: usize, classes: u32) -> Result<LightSamples> {
     let rows = rows(context, light);
-    let patterns = patterns(context);
+    let patterns = patterns(context) * classes;
     let points = context.resources.buffer(&format!("light_points/{light}"), patterns as usize)?;
     let radiance = context.resources.buffer(&format!("light_radiance/{light}"), 1)?;
     let gpu = context.recorder.gpu();
@@ -223,6 +243,7 @@ fn spot(context: &mut Context<'_, '_>, light: usize) -> Result<LightSamples> {
         light: light as u32,
         strata: 1,
         strata_u: 1,
+        classes: 1,
         patterns,
         points,
         radiance,

@@ -1,5 +1,7 @@
 //! Which pixels share their light: tiles and cells that are provably or evidently lit or dark, and the zone between.
 
+pub mod incremental;
+pub mod nodes;
 pub mod cell_rays;
 pub mod cells;
 pub mod compact;

@@ -64,10 +64,17 @@ pub struct Fragments {
     pub level_map: Buffer<u32>,
     /// Reason a pixel.
     pub reason_map: Buffer<u32>,
+    /// A texel: 0 no fragment, 1 + its number in the list of their values, `u32::MAX` culled.
+    pub at: Buffer<u32>,
+}
+
+/// Fragments in a list of their own.
+#[derive(Debug, Clone)]
+pub struct Listed {
+    /// The fragments.
+    pub fragments: Fragments,
     /// A place of the tile order: [`FRAGMENT`] and level + 1 at a fragment's first pixel, else 0.
     pub flags: Buffer<u32>,
-    /// A texel: 0 no fragment, 1 + its number in the list, `u32::MAX` culled.
-    pub at: Buffer<u32>,
     /// Places of the first pixels of all fragments, in tile order.
     pub list: Buffer<u32>,
     /// Arguments of a dispatch over the list, and its length.
@@ -88,11 +95,12 @@ pub fn levels(context: &Context<'_, '_>) -> Result<Pyramid> {
     Ok(Pyramid::new(&context.view, coarsest, finest))
 }
 
-/// Chooses the fragments of a frame and lists them.
+/// What geometry and the lights' places say of every texel: its part of the pyramid, and bits of
+/// `shaders/common/fragment.wgsl`.
 ///
 /// # Errors
 /// Those of the device; `Settings` as [`levels`].
-pub fn record(context: &mut Context<'_, '_>, gbuffer: &GBuffer) -> Result<Fragments> {
+pub fn states(context: &mut Context<'_, '_>, gbuffer: &GBuffer) -> Result<(Texels, Buffer<u32>)> {
     let pyramid = levels(context)?;
     let params = OnePassParams::new(context.settings, context.prepared.lights);
     let texels = pyramid::record(context, gbuffer, pyramid, params.needs_spreads())?;
@@ -105,6 +113,15 @@ pub fn record(context: &mut Context<'_, '_>, gbuffer: &GBuffer) -> Result<Fragme
         let pass = pass.uniform("view", &context.view).bind("means", &texels.means).bind("ranges", &texels.ranges);
         pass.bind("spreads", &texels.spreads).bind("texel_state", &state).dispatch(pyramid.texels_above())?;
     }
+    Ok((texels, state))
+}
+
+/// Chooses the fragments of a frame and lists them.
+///
+/// # Errors
+/// Those of the device; `Settings` as [`levels`].
+pub fn record(context: &mut Context<'_, '_>, gbuffer: &GBuffer) -> Result<Listed> {
+    let (texels, state) = states(context, gbuffer)?;
     choose(context, gbuffer, texels, &state)
 }
 
@@ -123,41 +140,29 @@ fn cull(
     pass.dispatch(pyramid.levels[1][3] as usize)
 }
 
-fn choose(context: &mut Context<'_, '_>, gbuffer: &GBuffer, texels: Texels, state: &Buffer<u32>) -> Result<Fragments> {
+fn choose(context: &mut Context<'_, '_>, gbuffer: &GBuffer, texels: Texels, state: &Buffer<u32>) -> Result<Listed> {
     let (pixels, places) = (context.view.pixels(), context.view.tiled as usize);
     let (pool, pyramid) = (&mut *context.resources, texels.pyramid);
-    let fragments = Fragments {
-        level_map: pool.buffer("level_map", pixels)?,
-        reason_map: pool.buffer("reason_map", pixels)?,
+    let listed = Listed {
         flags: pool.buffer("fragment_flags", places)?,
-        at: pool.buffer("fragment_at", pyramid.texels())?,
         list: pool.buffer("fragment_list", places)?,
         arguments: pool.buffer_for("fragment_arguments", 4, Usage::Indirect)?,
-        texels,
+        fragments: Fragments {
+            level_map: pool.buffer("level_map", pixels)?,
+            reason_map: pool.buffer("reason_map", pixels)?,
+            at: pool.buffer("fragment_at", pyramid.texels())?,
+            texels,
+        },
     };
+    let fragments = &listed.fragments;
     context.recorder.clear(&fragments.at)?;
     let kernel = context.kernel("refine/one_pass", "choose")?;
     let pass = context.recorder.pass("one_pass", &kernel).uniform("pyramid", &pyramid);
     let pass = pass.bind("g_normal", &gbuffer.normal).bind("texel_state", state);
     let pass = pass.bind("level_map", &fragments.level_map).bind("reason_map", &fragments.reason_map);
-    let pass = pass.bind("fragment_flags", &fragments.flags).bind("fragment_at", &fragments.at);
+    let pass = pass.bind("fragment_flags", &listed.flags).bind("fragment_at", &fragments.at);
     pass.dispatch(places)?;
-    let (flags, list, arguments) = (&fragments.flags, &fragments.list, &fragments.arguments);
+    let (flags, list, arguments) = (&listed.flags, &listed.list, &listed.arguments);
     compact::record(context, "fragment_list", flags, places, FRAGMENT, FRAGMENT, list, arguments)?;
-    Ok(fragments)
-}
-
-/// Lists the fragments of one level: places of their first pixels, and the arguments of a dispatch over them.
-///
-/// # Errors
-/// Those of the device.
-pub fn level_list(
-    context: &mut Context<'_, '_>,
-    fragments: &Fragments,
-    level: u32,
-    list: &Buffer<u32>,
-    arguments: &Buffer<u32>,
-) -> Result<()> {
-    let (places, value) = (context.view.tiled as usize, FRAGMENT | (level + 1));
-    compact::record(context, "fragment_list", &fragments.flags, places, u32::MAX, value, list, arguments)
+    Ok(listed)
 }

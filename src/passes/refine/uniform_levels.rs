@@ -70,8 +70,8 @@ impl Levels {
         let pixels = context.view.pixels();
         let split = plan::splits_by_geometry(context.settings);
         let [level_map, reason_map] = if split {
-            let fragments = one_pass::record(context, gbuffer)?;
-            [fragments.level_map, fragments.reason_map]
+            let listed = one_pass::record(context, gbuffer)?.fragments;
+            [listed.level_map, listed.reason_map]
         } else {
             [context.resources.buffer("level_map", pixels)?, context.resources.buffer("reason_map", pixels)?]
         };

@@ -4,6 +4,7 @@ mod native;
 pub mod placed;
 pub mod prove;
 pub mod prove_native;
+pub mod reuse;
 pub mod shadow;
 pub mod trace;
 pub mod trace_native;

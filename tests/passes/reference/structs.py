@@ -66,7 +66,7 @@ LIGHT_SAMPLES = np.dtype(
     [
         *_fields("light", "strata_u", "strata_v", "patterns", "seed", "jittered"),
         ("t_max", "<f4"),
-        ("pad", "<u4"),
+        ("classes", "<u4"),
     ]
 )
 RECEIVERS = np.dtype(_fields("width", "height", "first", "patterns", "seed", "pad0", "pad1", "pad2"))

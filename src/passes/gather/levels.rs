@@ -1,0 +1,149 @@
+//! Direct light level by level, from coarse to fine: visibility and irradiance of a level decide what the next one looks
+//! at [NPW10 Sec. 3.4].
+
+use super::{Direct, interleaved};
+use crate::error::{Error, Result};
+use crate::gpu::Buffer;
+use crate::passes::lights::light_samples::{self, LightSamples};
+use crate::passes::refine::nodes::{Level, Nodes, NodesParams};
+use crate::passes::refine::pyramid::Texels;
+use crate::passes::refine::{incremental, one_pass};
+use crate::passes::visibility::reuse::{MOST_WORDS, Reuse};
+use crate::passes::{Context, GBuffer, upsample};
+
+/// What stays the same from level to level.
+struct Work<'g> {
+    gbuffer: &'g GBuffer,
+    lights: Vec<LightSamples>,
+    texels: Texels,
+    state: Buffer<u32>,
+    params: NodesParams,
+    traced: bool,
+}
+
+/// Direct irradiance of every pixel from that of its fragment and its neighbours.
+///
+/// # Errors
+/// Those of the device; `Settings` for levels in the wrong order or samples that cannot be interleaved; `Cancelled`.
+pub fn record(context: &mut Context<'_, '_>, gbuffer: &GBuffer) -> Result<Direct> {
+    let classes = context.settings.int("interleave").pow(2);
+    check_samples(context.settings.int("light_samples"), classes)?;
+    let lights = light_samples::interleaved(context, classes)?;
+    let (texels, state) = one_pass::states(context, gbuffer)?;
+    let params = NodesParams {
+        base: 0,
+        parents: 0,
+        patterns: light_samples::patterns(context),
+        classes,
+        seed: context.settings.int("seed"),
+        pad0: 0,
+        pad1: 0,
+        pad2: 0,
+    };
+    let traced = !context.settings.is("visibility", "none");
+    let work = Work { gbuffer, lights, texels, state, params, traced };
+    let pyramid = work.texels.pyramid;
+    let mut nodes = Nodes::new(context, pyramid)?;
+    let mut mean = None;
+    for level in (pyramid.finest..=pyramid.coarsest).rev() {
+        context.recorder.at_level(Some(level));
+        let done = work.level(context, &mut nodes, level, &mut mean);
+        context.recorder.at_level(None);
+        done?;
+    }
+    work.finish(context, nodes)
+}
+
+/// # Errors
+/// `Settings` when the samples cannot be split into the interleaved sets, or are too many.
+fn check_samples(samples: u32, classes: u32) -> Result<()> {
+    if !samples.is_multiple_of(classes) {
+        return Err(Error::Settings(format!(
+            "setting light_samples is {samples} with interleave 2; allowed: multiples of 4, because each of 2 x 2 \
+             fragments asks a fourth of them"
+        )));
+    }
+    let most = MOST_WORDS as u32 * 32 * classes;
+    if samples > most {
+        return Err(Error::Settings(format!(
+            "setting light_samples is {samples}; with refine=\"incremental\" and this interleave allowed: up to {most}"
+        )));
+    }
+    Ok(())
+}
+
+impl Work<'_> {
+    fn level(
+        &self,
+        context: &mut Context<'_, '_>,
+        nodes: &mut Nodes,
+        level: u32,
+        mean: &mut Option<Buffer<[f32; 4]>>,
+    ) -> Result<()> {
+        let kept = nodes.end();
+        let level = nodes.add(context, self.gbuffer, &self.state, self.params, level)?;
+        if level.count == 0 {
+            return Ok(());
+        }
+        context.recorder.clear_from(&nodes.irradiance, level.first)?;
+        for light in &self.lights {
+            let bits = if self.traced { Some(self.ask(context, nodes, level, light, kept)?) } else { None };
+            interleaved::record(context, nodes, level, light, bits.as_ref())?;
+            let last = level.level == nodes.pyramid.finest;
+            if let (Some(bits), Some(least), false) = (&bits, least_bits(context, light), last) {
+                incremental::bits(context, nodes, level, bits, [light.strata.div_ceil(32), least])?;
+            }
+        }
+        if mean.is_none() {
+            *mean = Some(incremental::mean(context, nodes, level)?);
+        }
+        let threshold = context.settings.float("illumination_threshold");
+        if let (Some(threshold), Some(mean), true) = (threshold, mean, level.level > nodes.pyramid.finest) {
+            incremental::differ(context, nodes, level, mean, threshold)?;
+        }
+        Ok(())
+    }
+
+    /// Which samples of a light the nodes of a level see.
+    fn ask(
+        &self,
+        context: &mut Context<'_, '_>,
+        nodes: &Nodes,
+        level: Level,
+        light: &LightSamples,
+        kept: usize,
+    ) -> Result<Buffer<u32>> {
+        let words = light.shadow_light().words();
+        let end = level.first + level.count;
+        let name = format!("node_bits/{}", light.light);
+        let bits = context.grown(&name, 2 * words * kept, 2 * words * end)?;
+        let asked = context.resources.buffer("asked", words * end)?;
+        let reuse = Reuse { nodes, level, light, bits: &bits, asked: &asked };
+        reuse.ask(context)?;
+        let (shadow, tracer) = (light.shadow_light(), context.tracer);
+        let range = level.first..end;
+        context.rays += tracer.shadow_asked(context.recorder, "shadow", &nodes.receivers, &shadow, &asked, range)?;
+        reuse.answer(context)?;
+        Ok(bits)
+    }
+
+    fn finish(self, context: &mut Context<'_, '_>, nodes: Nodes) -> Result<Direct> {
+        let fragments = incremental::choose(context, self.gbuffer, &nodes, self.texels, &self.state)?;
+        let irradiance = upsample::record(context, self.gbuffer, &fragments, &nodes.irradiance)?;
+        let active = context.resources.buffer("active_receivers", 1)?;
+        let count: usize = nodes.levels.iter().map(|level| level.count).sum();
+        active.write(context.recorder.gpu(), 0, &[count as u32])?;
+        let samples = self.lights.iter().map(|light| u64::from(light.strata * light.classes)).sum();
+        let levels = Some([fragments.level_map, fragments.reason_map]);
+        let why = "every pixel is culled or sees nothing";
+        let passes = ["direct/reuse", "direct/shadow", "direct/interleaved"];
+        let empty = if count == 0 { passes.map(|pass| (pass, why)).to_vec() } else { Vec::new() };
+        Ok(Direct { irradiance, active, samples, levels, empty, nodes: Some(nodes) })
+    }
+}
+
+/// Bits of a node from which on it is split: the setting counts those of all samples, of which a node asks a share.
+fn least_bits(context: &Context<'_, '_>, light: &LightSamples) -> Option<u32> {
+    let all = context.settings.float("bit_threshold")? as u32;
+    Some(if light.is_area() { all.div_ceil(light.classes) } else { 1 })
+}

@@ -1,0 +1,103 @@
+//! Incremental visibility: bits on which the level above agrees are taken from it, the others are asked.
+
+use bytemuck::{Pod, Zeroable};
+
+use crate::error::Result;
+use crate::gpu::Buffer;
+use crate::passes::Context;
+use crate::passes::lights::light_samples::LightSamples;
+use crate::passes::refine::nodes::{Level, Nodes};
+
+/// Words of samples that a node may ask; twin of the arrays in `shaders/passes/visibility/reuse.wgsl`.
+pub const MOST_WORDS: usize = 32;
+
+/// Twin of `ReuseParams` in `shaders/passes/visibility/reuse.wgsl`.
+#[repr(C)]
+#[derive(Debug, Clone, Copy, Pod, Zeroable)]
+pub struct ReuseParams {
+    /// Of the lit side.
+    pub light_normal: [f32; 3],
+    /// 1: both sides emit.
+    pub two_sided: u32,
+    /// Unit axis of the cone, away from the light.
+    pub cone_axis: [f32; 3],
+    /// Cosine of the cone's half-angle; -1 and below: no cone.
+    pub cos_cutoff: f32,
+    /// First node of the level.
+    pub first: u32,
+    /// Samples that a node asks.
+    pub strata: u32,
+    /// Words of bits a node.
+    pub words: u32,
+    /// Samples along a row of the light.
+    pub row: u32,
+    /// 0: every sample is asked.
+    pub reuse: u32,
+    /// 1: nodes that are going to be split ask, too.
+    pub guides: u32,
+    /// Unused.
+    pub pad0: u32,
+    /// Unused.
+    pub pad1: u32,
+}
+
+/// A level at work: its nodes, what they know of a light, and what they ask.
+pub struct Reuse<'r> {
+    /// All nodes.
+    pub nodes: &'r Nodes,
+    /// Those at work.
+    pub level: Level,
+    /// Whose samples.
+    pub light: &'r LightSamples,
+    /// Twice [`LightSamples::words`] a node: samples that face it, samples that it sees.
+    pub bits: &'r Buffer<u32>,
+    /// [`LightSamples::words`] a node.
+    pub asked: &'r Buffer<u32>,
+}
+
+impl Reuse<'_> {
+    fn record(&self, context: &mut Context<'_, '_>, entry: &str) -> Result<()> {
+        let shadow = self.light.shadow_light();
+        let reuse = u32::from(context.settings.is("visibility_reuse", "incremental"));
+        let params = ReuseParams {
+            light_normal: shadow.light_normal,
+            two_sided: shadow.two_sided.into(),
+            cone_axis: shadow.cone_axis,
+            cos_cutoff: shadow.cos_cutoff,
+            first: self.level.first as u32,
+            strata: shadow.strata,
+            words: shadow.words() as u32,
+            row: self.light.row(),
+            reuse,
+            guides: reuse,
+            pad0: 0,
+            pad1: 0,
+        };
+        let kernel = context.kernel("visibility/reuse", entry)?;
+        let pass = context.recorder.pass("reuse", &kernel).uniform("params", &params);
+        let pass = pass.bind("node_bits", self.bits).bind("asked", self.asked);
+        if entry == "answer" {
+            return pass.dispatch(self.level.count);
+        }
+        let pyramid = self.nodes.pyramid.at(self.level.level);
+        let pass = pass.uniform("pyramid", &pyramid).bind("node_rows", &self.nodes.rows);
+        let pass = pass.bind("node_at", &self.nodes.at).bind("node_receivers", &self.nodes.receivers);
+        pass.bind("points", &self.light.points).dispatch_cut(self.level.count, 100.0 * f64::from(shadow.strata))
+    }
+
+    /// Writes what is known, and what is to be asked.
+    ///
+    /// # Errors
+    /// Those of the device.
+    pub fn ask(&self, context: &mut Context<'_, '_>) -> Result<()> {
+        self.record(context, "ask")
+    }
+
+    /// Takes the answers in.
+    ///
+    /// # Errors
+    /// Those of the device.
+    pub fn answer(&self, context: &mut Context<'_, '_>) -> Result<()> {
+        self.record(context, "answer")
+    }
+}
