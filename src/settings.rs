@@ -288,9 +288,9 @@ pub const PRESETS: &[(&str, Option<Changes>)] = &[
             ("interleave", Default::Int(2)),
             ("light_pattern", Default::Text("grid")),
             ("upsample", Default::Text("edge-aware")),
-            ("depth_metric", Default::Text("derivative")),
-            ("depth_threshold", Default::Float(2.0)),
+            // Slopes fire on every floor that is seen at a grazing angle (N19): the plane metric stays.
             ("normal_metric", Default::Text("component")),
+            ("normal_threshold", Default::Float(0.5)),
         ]),
     ),
     ("area-2016", None),

@@ -12,7 +12,6 @@ import package::common::grid::{Grid, item_index};
 import package::common::nodes::{class_of, neighbour_node, node_at, node_rows};
 import package::common::pyramid::{level_of, pyramid, texel_of};
 import package::common::ray::Receiver;
-import package::common::view::View;
 
 struct InterleavedParams {
     first: u32,         // node of item 0
@@ -29,7 +28,6 @@ struct InterleavedParams {
 
 @group(0) @binding(30) var<uniform> grid: Grid;
 @group(0) @binding(0) var<uniform> params: InterleavedParams;
-@group(0) @binding(1) var<uniform> view: View;
 @group(0) @binding(2) var<storage, read> node_receivers: array<Receiver>;
 @group(0) @binding(3) var<storage, read> node_bits: array<u32>;
 @group(0) @binding(4) var<storage, read> light_points: array<vec4f>;
@@ -46,8 +44,6 @@ fn near(row: vec4u, receiver: Receiver, level: u32) -> Near {
     var found: Near;
     let size = pyramid.levels[level];
     let texel = texel_of(size, row.x - size.z);
-    let depth = dot(view.eye - receiver.origin, view.backward);
-    let width = f32(1u << level) * pyramid.pixel_width * max(depth, 1e-30);
     for (var k = 0u; k < 9u; k++) {
         var node = 0u;
         if k == 4u || params.classes > 1u {
@@ -57,7 +53,7 @@ fn near(row: vec4u, receiver: Receiver, level: u32) -> Near {
             let other = node_rows[node - 1u];
             let own = level_of(other.x);
             found.class_[k] = class_of(texel_of(pyramid.levels[own], other.x - pyramid.levels[own].z), params.classes);
-            let same = k == 4u || alike(receiver, node_receivers[node - 1u], width);
+            let same = k == 4u || alike(receiver, node_receivers[node - 1u]);
             node = select(0u, node, same);
         }
         found.node[k] = node;

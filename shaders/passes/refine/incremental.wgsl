@@ -20,7 +20,6 @@ import package::common::nodes::{CHANGES, DIFFERS, SPLIT, neighbour_node, node_at
 import package::common::pyramid::{pyramid, texel_number, texel_of};
 import package::common::ray::Receiver;
 import package::common::tiles::pixel_in_tile_order;
-import package::common::view::View;
 
 struct IncrementalParams {
     first: u32,         // node of item 0
@@ -35,7 +34,6 @@ struct IncrementalParams {
 
 @group(0) @binding(30) var<uniform> grid: Grid;
 @group(0) @binding(0) var<uniform> params: IncrementalParams;
-@group(0) @binding(1) var<uniform> view: View;
 @group(0) @binding(2) var<storage, read> node_receivers: array<Receiver>;
 @group(0) @binding(3) var<storage, read> node_bits: array<u32>;
 @group(0) @binding(4) var<storage, read> node_irradiance: array<vec4f>;
@@ -135,12 +133,10 @@ fn differ(
     let texel = texel_of_node(row);
     let receiver = node_receivers[node];
     let own = node_irradiance[node].xyz;
-    let depth = dot(view.eye - receiver.origin, view.backward);
-    let width = f32(1u << pyramid.level) * pyramid.pixel_width * max(depth, 1e-30);
     var most = 0.0;
     for (var k = 0u; k < 9u; k++) {
         let other = neighbour_node(pyramid.level, texel, k);
-        if other != 0u && node_irradiance[other - 1u].w != 0.0 && alike(receiver, node_receivers[other - 1u], width) {
+        if other != 0u && node_irradiance[other - 1u].w != 0.0 && alike(receiver, node_receivers[other - 1u]) {
             let apart = abs(node_irradiance[other - 1u].xyz - own);
             most = max(most, apart.x + apart.y + apart.z);
         }

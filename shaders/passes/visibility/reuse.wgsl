@@ -1,13 +1,14 @@
 // Incremental visibility [NPW10 Sec. 3.3.2]: a bit of a light sample on which the 3 x 3 nodes of the level above agree is
-// taken from them, the others are asked. Deviations: three of the nine at least must have asked the sample, because a
-// surface that is turned away from it knows nothing of it; and a sample beside one in doubt, on the light, is asked as
-// well, because a thin occluder moves over the light from node to node (N20).
+// taken from them, the others are asked. Deviations: only nodes on the same surface count, and three of them at least
+// must have asked the sample, because what is turned away from it knows nothing of it; and as long as nodes are far apart,
+// a sample beside one in doubt, on the light, is asked as well: the shadow of a thin occluder moves over the light from
+// node to node (N20).
 //   ask     bits that are known from the level above, and those to ask
 //   answer  adds what the trace found
 // In: nodes, sample points. Out: asked. In and out: node_bits: `words` words a node of samples that face it,
 // and as many of those that it sees.
 
-import package::common::fragment::ROUGH;
+import package::common::alike::alike;
 import package::common::grid::{Grid, item_index};
 import package::common::nodes::{neighbour_node, node_at, node_rows};
 import package::common::pyramid::{pyramid, texel_of};
@@ -23,9 +24,9 @@ struct ReuseParams {
     words: u32,         // at most 32
     row: u32,           // samples along a row of the light, for neighbours on it
     reuse: u32,         // 0: every sample is asked
-    guides: u32,        // 1: nodes that are going to be split ask, too
     pad0: u32,
     pad1: u32,
+    pad2: u32,
 }
 
 @group(0) @binding(30) var<uniform> grid: Grid;
@@ -34,6 +35,9 @@ struct ReuseParams {
 @group(0) @binding(2) var<storage, read> points: array<vec4f>;
 @group(0) @binding(3) var<storage, read_write> node_bits: array<u32>;
 @group(0) @binding(4) var<storage, read_write> asked: array<u32>;
+
+// Nodes from this level on ask beside what is in doubt.
+const FAR_APART: u32 = 2u;
 
 // True when the surface faces the sample and the light emits towards the surface, as in `shadow`.
 fn faces(receiver: Receiver, point: vec4f) -> bool {
@@ -112,18 +116,19 @@ fn ask(
     let receiver = node_receivers[node];
     let row = node_rows[node];
     let root = pyramid.level == pyramid.coarsest;
-    let answers = (row.z & ROUGH) == 0u || params.guides != 0u;
     var nodes: array<u32, 9>;
-    if params.reuse != 0u && !root && answers {
+    if params.reuse != 0u && !root {
         let texel = texel_of(pyramid.levels[pyramid.level], row.x - pyramid.levels[pyramid.level].z);
         for (var k = 0u; k < 9u; k++) {
-            nodes[k] = neighbour_node(pyramid.level + 1u, texel / 2u, k);
+            let other = neighbour_node(pyramid.level + 1u, texel / 2u, k);
+            let counts = other != 0u && alike(receiver, node_receivers[max(other, 1u) - 1u]);
+            nodes[k] = select(0u, other, counts);
         }
     }
     var doubt: array<u32, 32>;
     var lit: array<u32, 32>;
     for (var word = 0u; word < params.words; word++) {
-        let facing = select(0u, facing_bits(receiver, word), answers);
+        let facing = facing_bits(receiver, word);
         let known = agreed(nodes, word);
         node_bits[node * 2u * params.words + word] = facing;
         lit[word] = facing & known.x;
@@ -131,11 +136,13 @@ fn ask(
     }
     var wide: array<u32, 32>;
     for (var word = 0u; word < params.words; word++) {
-        wide[word] = doubt[word] | moved(&doubt, word, 1u);
+        let beside = moved(&doubt, word, 1u);
+        wide[word] = doubt[word] | select(0u, beside, pyramid.level >= FAR_APART);
     }
     for (var word = 0u; word < params.words; word++) {
         let facing = node_bits[node * 2u * params.words + word];
-        let ask = facing & (wide[word] | moved(&wide, word, params.row));
+        let beside = moved(&wide, word, params.row);
+        let ask = facing & (wide[word] | select(0u, beside, pyramid.level >= FAR_APART));
         asked[node * params.words + word] = ask;
         node_bits[(node * 2u + 1u) * params.words + word] = lit[word] & ~ask;
     }

@@ -62,7 +62,7 @@ pub fn record(
     let kernel = context.kernel("gather/interleaved", "main")?;
     let pyramid = nodes.pyramid.at(level.level);
     let pass = context.recorder.pass("interleaved", &kernel).uniform("params", &params).uniform("pyramid", &pyramid);
-    let pass = pass.uniform("view", &context.view).bind("node_rows", &nodes.rows).bind("node_at", &nodes.at);
+    let pass = pass.bind("node_rows", &nodes.rows).bind("node_at", &nodes.at);
     let pass = pass.bind("node_receivers", &nodes.receivers).bind("node_bits", bits.unwrap_or(&nothing));
     let pass = pass.bind("light_points", &light.points).bind("light_radiance", &light.radiance);
     let work = 400.0 + 20.0 * f64::from(light.strata * light.classes);

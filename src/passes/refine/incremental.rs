@@ -81,7 +81,7 @@ pub fn differ(
     let params = IncrementalParams { threshold: threshold as f32, ..params(level) };
     let pyramid = nodes.pyramid.at(level.level);
     let pass = context.recorder.pass("incremental", &kernel).uniform("params", &params).uniform("pyramid", &pyramid);
-    let pass = pass.uniform("view", &context.view).bind("node_rows", &nodes.rows).bind("node_at", &nodes.at);
+    let pass = pass.bind("node_rows", &nodes.rows).bind("node_at", &nodes.at);
     let pass = pass.bind("node_receivers", &nodes.receivers).bind("node_irradiance", &nodes.irradiance);
     pass.bind("mean_irradiance", mean).dispatch(level.count)
 }

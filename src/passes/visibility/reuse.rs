@@ -33,12 +33,12 @@ pub struct ReuseParams {
     pub row: u32,
     /// 0: every sample is asked.
     pub reuse: u32,
-    /// 1: nodes that are going to be split ask, too.
-    pub guides: u32,
     /// Unused.
     pub pad0: u32,
     /// Unused.
     pub pad1: u32,
+    /// Unused.
+    pub pad2: u32,
 }
 
 /// A level at work: its nodes, what they know of a light, and what they ask.
@@ -69,9 +69,9 @@ impl Reuse<'_> {
             words: shadow.words() as u32,
             row: self.light.row(),
             reuse,
-            guides: reuse,
             pad0: 0,
             pad1: 0,
+            pad2: 0,
         };
         let kernel = context.kernel("visibility/reuse", entry)?;
         let pass = context.recorder.pass("reuse", &kernel).uniform("params", &params);
