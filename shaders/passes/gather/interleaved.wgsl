@@ -1,17 +1,19 @@
 // Irradiance of one light at each node, from the samples that it and its neighbours see:
 //   E += sum_k v_k L_k A/N cos_s cos_l / d^2   [NPW10 Eq. 2; Deviation: N samples, radiance L, A(y_k) = A/N]
 // Interleaved sampling [KH01; NPW10 Sec. 3.3.2]: a node asked one of four sets of samples; v_k of the others is what the
-// neighbours found that asked them, weighted 1 2 1 along both axes so that all sets count alike. Deviation: geometry and
-// radiance of every sample are those of the node itself, so that only visibility is shared, and on one surface.
-// In: nodes and their bits, sample points and their radiance times area. In and out: node_irradiance, w: 1 where
-// it may be shown, 0 where it only guides.
+// neighbours found that asked them, so that all sets count alike. Deviation: geometry and radiance of every sample are those of
+// the node itself, so that only visibility is shared, and on one surface.
+// In: nodes and their bits, sample points and their radiance times area. In and out: node_irradiance.
+// Nodes that lie across an edge are lit, too: as guides for their neighbours, never shown.
 
 import package::common::alike::alike;
-import package::common::fragment::ROUGH;
 import package::common::grid::{Grid, item_index};
-import package::common::nodes::{class_of, neighbour_node, node_at, node_rows};
-import package::common::pyramid::{level_of, pyramid, texel_of};
+import package::common::nodes::{node_at, node_rows};
+import package::common::pyramid::{pyramid, texel_number, texel_of};
 import package::common::ray::Receiver;
+
+// Whether there is more than one pattern of sample points.
+override PATTERNS: bool = true;
 
 struct InterleavedParams {
     first: u32,         // node of item 0
@@ -34,46 +36,37 @@ struct InterleavedParams {
 @group(0) @binding(5) var<storage, read> light_radiance: array<vec4f>;
 @group(0) @binding(6) var<storage, read_write> node_irradiance: array<vec4f>;
 
-// The nodes whose bits count, by neighbour: 1 + number, or 0; and the set that each asked.
-struct Near {
-    node: array<u32, 9>,
-    class_: array<u32, 9>,
+// Word `word` of what a neighbour knows and sees of the light; zeros where there is none of this level on this surface.
+fn word_of(node: u32, word: u32) -> vec2u {
+    let at = (max(node, 1u) - 1u) * 2u * params.words + word;
+    return select(vec2u(0u), vec2u(node_bits[at], node_bits[at + params.words]), node != 0u);
 }
 
-fn near(row: vec4u, receiver: Receiver, level: u32) -> Near {
-    var found: Near;
-    let size = pyramid.levels[level];
-    let texel = texel_of(size, row.x - size.z);
-    for (var k = 0u; k < 9u; k++) {
-        var node = 0u;
-        if k == 4u || params.classes > 1u {
-            node = neighbour_node(level, texel, k);
-        }
-        if node != 0u {
-            let other = node_rows[node - 1u];
-            let own = level_of(other.x);
-            found.class_[k] = class_of(texel_of(pyramid.levels[own], other.x - pyramid.levels[own].z), params.classes);
-            let same = k == 4u || alike(receiver, node_receivers[node - 1u]);
-            node = select(0u, node, same);
-        }
-        found.node[k] = node;
+fn neighbour(texel: vec2u, receiver: Receiver, k: u32) -> u32 {
+    let at = vec2i(texel) + vec2i(i32(k % 3u), i32(k / 3u)) - 1;
+    let size = pyramid.levels[pyramid.level];
+    if !all(vec2u(at) < size.xy) {
+        return 0u;
     }
-    return found;
+    let node = node_at[texel_number(size, vec2u(at))];
+    let counts = node != 0u && alike(receiver, node_receivers[max(node, 1u) - 1u]);
+    return select(0u, node, counts);
 }
 
-// Share of sample `bit` of each set that is seen; of a set that nobody asked, the mean of the others.
-fn seen_shares(known: array<u32, 9>, seen: array<u32, 9>, class_: array<u32, 9>, bit: u32) -> vec4f {
-    var count = vec4f(0.0);
-    var sum = vec4f(0.0);
-    for (var k = 0u; k < 9u; k++) {
-        let weight = f32((2u - (k % 3u + 1u) % 2u) * (2u - (k / 3u + 1u) % 2u) * ((known[k] >> bit) & 1u));
-        let at = vec4<bool>(class_[k] == 0u, class_[k] == 1u, class_[k] == 2u, class_[k] == 3u);
-        count += select(vec4f(0.0), vec4f(weight), at);
-        sum += select(vec4f(0.0), vec4f(weight * f32((seen[k] >> bit) & 1u)), at);
-    }
-    let all_count = dot(count, vec4f(1.0));
-    let mean = select(0.0, dot(sum, vec4f(1.0)) / max(all_count, 1.0), all_count > 0.0);
-    return select(vec4f(mean), sum / max(count, vec4f(1.0)), count > vec4f(0.0));
+// How many of the neighbours whose words these are have bit `bit`: the node itself, those left and right of it, above and
+// below, and in the corners, each of which asked another set.
+fn counts(words: array<u32, 9>, bit: u32) -> vec4f {
+    let beside = ((words[3] >> bit) & 1u) + ((words[5] >> bit) & 1u);
+    let above = ((words[1] >> bit) & 1u) + ((words[7] >> bit) & 1u);
+    let left = ((words[0] >> bit) & 1u) + ((words[6] >> bit) & 1u);
+    let right = ((words[2] >> bit) & 1u) + ((words[8] >> bit) & 1u);
+    return vec4f(vec4u((words[4] >> bit) & 1u, beside, above, left + right));
+}
+
+// Share of a sample of each set that is seen; of a set that nobody asked, the mean of the others.
+fn seen_shares(known: vec4f, seen: vec4f) -> vec4f {
+    let mean = dot(seen, vec4f(1.0)) / max(dot(known, vec4f(1.0)), 1.0);
+    return select(vec4f(mean), seen / max(known, vec4f(1.0)), known > vec4f(0.0));
 }
 
 // What a sample adds when it is seen.
@@ -94,6 +87,12 @@ fn term(at: Receiver, sample: u32) -> f32 {
     return select(0.0, cos_s * cos_l / d2, counts);
 }
 
+// From the own set and those of the neighbours beside, above and in the corners to sets 0, 1, 2, 3.
+fn by_set(shares: vec4f, own: u32) -> vec4f {
+    let columns = select(shares, shares.yxwz, (own & 1u) != 0u);
+    return select(columns, columns.zwxy, (own & 2u) != 0u);
+}
+
 @compute @workgroup_size(64)
 fn main(
     @builtin(workgroup_id) group: vec3u,
@@ -106,33 +105,43 @@ fn main(
     }
     let node = params.first + i;
     let row = node_rows[node];
-    let guide = (row.z & ROUGH) != 0u;
-    if guide && pyramid.level < pyramid.coarsest {
-        return;
-    }
     let receiver = node_receivers[node];
-    let neighbours = near(row, receiver, pyramid.level);
-    let first = receiver.pattern / params.classes * params.classes * params.strata;
+    let size = pyramid.levels[pyramid.level];
+    let texel = texel_of(size, row.x - size.z);
+    var nodes: array<u32, 9>;
+    for (var k = 0u; k < 9u; k++) {
+        if k == 4u || params.classes > 1u {
+            nodes[k] = neighbour(texel, receiver, k);
+        }
+    }
+    // Where the samples of this pattern begin; the same for all nodes where there is but one.
+    var points = 0u;
+    if PATTERNS {
+        points = receiver.pattern / params.classes * params.classes * params.strata;
+    }
+    let own = receiver.pattern % params.classes;
     var sum = vec3f(0.0);
     var known: array<u32, 9>;
     var seen: array<u32, 9>;
     for (var j = 0u; j < params.strata; j++) {
-        if params.words != 0u && j % 32u == 0u {
-            for (var k = 0u; k < 9u; k++) {
-                let at = (max(neighbours.node[k], 1u) - 1u) * 2u * params.words + j / 32u;
-                known[k] = select(0u, node_bits[at], neighbours.node[k] != 0u);
-                seen[k] = node_bits[at + params.words];
-            }
-        }
         var shares = vec4f(1.0);
         if params.words != 0u {
-            shares = seen_shares(known, seen, neighbours.class_, j % 32u);
+            if j % 32u == 0u {
+                for (var k = 0u; k < 9u; k++) {
+                    let words = word_of(nodes[k], j / 32u);
+                    known[k] = words.x;
+                    seen[k] = words.y;
+                }
+            }
+            shares = by_set(seen_shares(counts(known, j % 32u), counts(seen, j % 32u)), own);
         }
-        for (var c = 0u; c < params.classes; c++) {
-            let sample = c * params.strata + j;
-            sum += shares[c] * term(receiver, first + sample) * light_radiance[sample].xyz;
+        sum += shares.x * term(receiver, points + j) * light_radiance[j].xyz;
+        if params.classes == 4u {
+            let k = vec3u(1u, 2u, 3u) * params.strata + j;
+            sum += shares.y * term(receiver, points + k.x) * light_radiance[k.x].xyz;
+            sum += shares.z * term(receiver, points + k.y) * light_radiance[k.y].xyz;
+            sum += shares.w * term(receiver, points + k.z) * light_radiance[k.z].xyz;
         }
     }
     node_irradiance[node] += vec4f(sum, 0.0);
-    node_irradiance[node].w = select(1.0, 0.0, guide);
 }

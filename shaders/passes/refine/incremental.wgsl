@@ -2,7 +2,8 @@
 // asked first [Deviation: the paper asks illumination first, and so lights fragments that lie across an edge], then:
 //   mean    the mean irradiance of the coarsest level
 //   bits    one light's visibility: samples of which a neighbourhood of 3 x 3 nodes does not agree
-//   differ  irradiance: its difference to a neighbour's on the same surface, over the mean
+//   differ  irradiance: its difference to a neighbour's on the same surface, over the mean; and nodes with fewer than
+//           two neighbours beside them that could be shown, which nothing could be interpolated with
 // and at last
 //   choose  level and reason of every pixel, and which texels are fragments. Deviation: top-down from split nodes, so that
 //           the fragments are a partition whatever the metrics say.
@@ -43,6 +44,9 @@ struct IncrementalParams {
 @group(0) @binding(8) var<storage, read_write> level_map: array<u32>;
 @group(0) @binding(9) var<storage, read_write> reason_map: array<u32>;
 @group(0) @binding(10) var<storage, read_write> fragment_at: array<u32>;
+
+// Neighbours beside a node that it needs for interpolation.
+const LEAST_SHOWN: u32 = 2u;
 
 var<workgroup> sums: array<vec3f, 64>;
 
@@ -134,15 +138,18 @@ fn differ(
     let receiver = node_receivers[node];
     let own = node_irradiance[node].xyz;
     var most = 0.0;
+    var shown = 0u;
     for (var k = 0u; k < 9u; k++) {
         let other = neighbour_node(pyramid.level, texel, k);
-        if other != 0u && node_irradiance[other - 1u].w != 0.0 && alike(receiver, node_receivers[other - 1u]) {
+        if other != 0u && alike(receiver, node_receivers[other - 1u]) {
             let apart = abs(node_irradiance[other - 1u].xyz - own);
             most = max(most, apart.x + apart.y + apart.z);
+            let beside = k % 2u == 1u && (node_rows[other - 1u].z & ROUGH) == 0u;
+            shown += select(0u, 1u, beside);
         }
     }
     let mean = mean_irradiance[0].x + mean_irradiance[0].y + mean_irradiance[0].z;
-    if most > params.threshold * mean {
+    if most > params.threshold * mean || shown < LEAST_SHOWN {
         node_rows[node].z |= DIFFERS;
     }
 }

@@ -1,8 +1,8 @@
 // Incremental visibility [NPW10 Sec. 3.3.2]: a bit of a light sample on which the 3 x 3 nodes of the level above agree is
-// taken from them, the others are asked. Deviations: only nodes on the same surface count, and three of them at least
-// must have asked the sample, because what is turned away from it knows nothing of it; and as long as nodes are far apart,
-// a sample beside one in doubt, on the light, is asked as well: the shadow of a thin occluder moves over the light from
-// node to node (N20).
+// taken from them, the others are asked. Deviations: on one surface the four nodes around are enough, because what lies
+// behind an edge says little; nodes that are turned away from a sample know nothing of it, and some must have asked it;
+// and as long as nodes are far apart, a sample beside one in doubt, on the light, is asked as well: the shadow of a thin
+// occluder moves over the light from node to node (N20).
 //   ask     bits that are known from the level above, and those to ask
 //   answer  adds what the trace found
 // In: nodes, sample points. Out: asked. In and out: node_bits: `words` words a node of samples that face it,
@@ -36,7 +36,7 @@ struct ReuseParams {
 @group(0) @binding(3) var<storage, read_write> node_bits: array<u32>;
 @group(0) @binding(4) var<storage, read_write> asked: array<u32>;
 
-// Nodes from this level on ask beside what is in doubt.
+// Nodes from this level on ask beside what is in doubt, and trust three that agree, below two.
 const FAR_APART: u32 = 2u;
 
 // True when the surface faces the sample and the light emits towards the surface, as in `shadow`.
@@ -78,7 +78,14 @@ fn agreed(nodes: array<u32, 9>, word: u32) -> vec2u {
             once |= known;
         }
     }
-    return vec2u(lit, dark) & vec2u(thrice);
+    return vec2u(lit, dark) & vec2u(select(twice, thrice, pyramid.level >= FAR_APART));
+}
+
+// Whether neighbour k of the parent is one of the four nodes whose middles surround that of `texel`.
+fn lies_around(texel: vec2u, k: u32) -> bool {
+    let side = select(vec2u(0u), vec2u(2u), (texel & vec2u(1u)) == vec2u(1u));
+    let place = vec2u(k % 3u, k / 3u);
+    return all((place == vec2u(1u)) | (place == side));
 }
 
 // Bits of a row of words moved towards higher numbers by `by` (or lower ones), as seen at one word.
@@ -117,19 +124,21 @@ fn ask(
     let row = node_rows[node];
     let root = pyramid.level == pyramid.coarsest;
     var nodes: array<u32, 9>;
+    var around: array<u32, 9>;
     if params.reuse != 0u && !root {
         let texel = texel_of(pyramid.levels[pyramid.level], row.x - pyramid.levels[pyramid.level].z);
         for (var k = 0u; k < 9u; k++) {
             let other = neighbour_node(pyramid.level + 1u, texel / 2u, k);
-            let counts = other != 0u && alike(receiver, node_receivers[max(other, 1u) - 1u]);
-            nodes[k] = select(0u, other, counts);
+            let same = other != 0u && alike(receiver, node_receivers[max(other, 1u) - 1u]);
+            nodes[k] = other;
+            around[k] = select(0u, other, same && lies_around(texel, k));
         }
     }
     var doubt: array<u32, 32>;
     var lit: array<u32, 32>;
     for (var word = 0u; word < params.words; word++) {
         let facing = facing_bits(receiver, word);
-        let known = agreed(nodes, word);
+        let known = agreed(nodes, word) | agreed(around, word);
         node_bits[node * 2u * params.words + word] = facing;
         lit[word] = facing & known.x;
         doubt[word] = facing & ~(known.x | known.y);

@@ -59,7 +59,8 @@ pub fn record(
         pad1: 0,
         pad2: 0,
     };
-    let kernel = context.kernel("gather/interleaved", "main")?;
+    let patterns = f64::from(u8::from(light.patterns > light.classes));
+    let kernel = context.kernel_with("gather/interleaved", "main", &[("PATTERNS", patterns)])?;
     let pyramid = nodes.pyramid.at(level.level);
     let pass = context.recorder.pass("interleaved", &kernel).uniform("params", &params).uniform("pyramid", &pyramid);
     let pass = pass.bind("node_rows", &nodes.rows).bind("node_at", &nodes.at);

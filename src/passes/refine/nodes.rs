@@ -58,7 +58,7 @@ pub struct Nodes {
     pub at: Buffer<u32>,
     /// Shading points.
     pub receivers: Buffer<Receiver>,
-    /// Irradiance of all lights; fourth number 1 where it may be shown.
+    /// Irradiance of all lights.
     pub irradiance: Buffer<[f32; 4]>,
     /// From the coarsest level on.
     pub levels: Vec<Level>,
