@@ -12,8 +12,11 @@ import package::common::nodes::{node_at, node_rows};
 import package::common::pyramid::{pyramid, texel_number, texel_of};
 import package::common::ray::Receiver;
 
-// Whether there is more than one pattern of sample points.
-override PATTERNS: bool = true;
+// Interleaved samples in the middle of their strata: where they are follows from the loop, the same for all threads; else
+// they are looked up.
+override GRID: bool = false;
+// One radiance for all samples.
+override CONSTANT: bool = false;
 
 struct InterleavedParams {
     first: u32,         // node of item 0
@@ -22,10 +25,12 @@ struct InterleavedParams {
     classes: u32,       // sets of samples: 1 or 4
     normal: vec3f,      // of the lit side, or a spot's axis
     cos_cutoff: f32,    // of a spot; -2 for an area light
+    corner: vec3f,      // of the light; of a spot its position
     two_sided: u32,
-    pad0: u32,
-    pad1: u32,
-    pad2: u32,
+    step_u: vec3f,      // from stratum to stratum
+    row: u32,           // samples of a set along a row of the light
+    step_v: vec3f,
+    pad: u32,
 }
 
 @group(0) @binding(30) var<uniform> grid: Grid;
@@ -69,9 +74,19 @@ fn seen_shares(known: vec4f, seen: vec4f) -> vec4f {
     return select(vec4f(mean), seen / max(known, vec4f(1.0)), known > vec4f(0.0));
 }
 
-// What a sample adds when it is seen.
-fn term(at: Receiver, sample: u32) -> f32 {
-    let d = light_points[sample].xyz - at.origin;
+// Sample j of a set, of all samples number `sample`.
+fn point_of(first: u32, sample: u32, j: u32, set_: u32) -> vec3f {
+    if !GRID {
+        return light_points[first + sample].xyz;
+    }
+    let cell = 2u * vec2u(j % params.row, j / params.row) + vec2u(set_ & 1u, set_ >> 1u);
+    let middle = vec2f(cell) + 0.5;
+    return params.corner + middle.x * params.step_u + middle.y * params.step_v;
+}
+
+// What a sample at `point` adds when it is seen.
+fn term(at: Receiver, point: vec3f) -> f32 {
+    let d = point - at.origin;
     let d2 = dot(d, d);
     // The unit vector first: powers of d overflow and underflow sooner than its cosines.
     let w = d * inverseSqrt(d2);
@@ -85,6 +100,16 @@ fn term(at: Receiver, sample: u32) -> f32 {
     }
     let counts = cos_geo > 0.0 && cos_s > 0.0 && cos_l > 0.0 && d2 > 0.0;
     return select(0.0, cos_s * cos_l / d2, counts);
+}
+
+// Sample j of set `set_`: what it adds, without a radiance that all share.
+fn sample_of(at: Receiver, first: u32, j: u32, set_: u32) -> vec3f {
+    let sample = set_ * params.strata + j;
+    let weight = vec3f(term(at, point_of(first, sample, j, set_)));
+    if CONSTANT {
+        return weight;
+    }
+    return weight * light_radiance[sample].xyz;
 }
 
 // From the own set and those of the neighbours beside, above and in the corners to sets 0, 1, 2, 3.
@@ -114,11 +139,7 @@ fn main(
             nodes[k] = neighbour(texel, receiver, k);
         }
     }
-    // Where the samples of this pattern begin; the same for all nodes where there is but one.
-    var points = 0u;
-    if PATTERNS {
-        points = receiver.pattern / params.classes * params.classes * params.strata;
-    }
+    let first = receiver.pattern / params.classes * params.classes * params.strata;
     let own = receiver.pattern % params.classes;
     var sum = vec3f(0.0);
     var known: array<u32, 9>;
@@ -135,13 +156,15 @@ fn main(
             }
             shares = by_set(seen_shares(counts(known, j % 32u), counts(seen, j % 32u)), own);
         }
-        sum += shares.x * term(receiver, points + j) * light_radiance[j].xyz;
+        sum += shares.x * sample_of(receiver, first, j, 0u);
         if params.classes == 4u {
-            let k = vec3u(1u, 2u, 3u) * params.strata + j;
-            sum += shares.y * term(receiver, points + k.x) * light_radiance[k.x].xyz;
-            sum += shares.z * term(receiver, points + k.y) * light_radiance[k.y].xyz;
-            sum += shares.w * term(receiver, points + k.z) * light_radiance[k.z].xyz;
+            sum += shares.y * sample_of(receiver, first, j, 1u);
+            sum += shares.z * sample_of(receiver, first, j, 2u);
+            sum += shares.w * sample_of(receiver, first, j, 3u);
         }
+    }
+    if CONSTANT {
+        sum *= light_radiance[0].xyz;
     }
     node_irradiance[node] += vec4f(sum, 0.0);
 }

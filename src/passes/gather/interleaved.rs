@@ -1,11 +1,12 @@
 //! Irradiance of nodes from the samples that they and their neighbours see.
 
 use bytemuck::{Pod, Zeroable};
+use glam::Vec3;
 
 use crate::error::Result;
 use crate::gpu::Buffer;
 use crate::passes::Context;
-use crate::passes::lights::light_samples::LightSamples;
+use crate::passes::lights::light_samples::{self, LightSamples};
 use crate::passes::refine::nodes::{Level, Nodes};
 
 /// Twin of `InterleavedParams` in `shaders/passes/gather/interleaved.wgsl`.
@@ -24,14 +25,18 @@ pub struct InterleavedParams {
     pub normal: [f32; 3],
     /// Of a spot; -2 for an area light.
     pub cos_cutoff: f32,
+    /// Of the light; of a spot its position.
+    pub corner: [f32; 3],
     /// 1: both sides emit.
     pub two_sided: u32,
+    /// From stratum to stratum along edge u.
+    pub step_u: [f32; 3],
+    /// Samples of a set along a row of the light.
+    pub row: u32,
+    /// From stratum to stratum along edge v.
+    pub step_v: [f32; 3],
     /// Unused.
-    pub pad0: u32,
-    /// Unused.
-    pub pad1: u32,
-    /// Unused.
-    pub pad2: u32,
+    pub pad: u32,
 }
 
 /// Adds one light to the nodes of a level; `bits` as [`crate::passes::visibility::reuse::Reuse`] left them, or none
@@ -47,6 +52,7 @@ pub fn record(
     bits: Option<&Buffer<u32>>,
 ) -> Result<()> {
     let nothing: Buffer<u32> = context.resources.buffer("no_bits", 2)?;
+    let [corner, step_u, step_v] = strata(context, light);
     let params = InterleavedParams {
         first: level.first as u32,
         strata: light.strata,
@@ -54,13 +60,16 @@ pub fn record(
         classes: light.classes,
         normal: light.normal.to_array(),
         cos_cutoff: light.cos_cutoff,
+        corner,
         two_sided: light.two_sided.into(),
-        pad0: 0,
-        pad1: 0,
-        pad2: 0,
+        step_u,
+        row: light.row(),
+        step_v,
+        pad: 0,
     };
-    let patterns = f64::from(u8::from(light.patterns > light.classes));
-    let kernel = context.kernel_with("gather/interleaved", "main", &[("PATTERNS", patterns)])?;
+    let grid = f64::from(u8::from(light.patterns == light.classes && light.classes > 1));
+    let constant = f64::from(u8::from(!context.prepared.light_textures.contains_key(&(light.light as usize))));
+    let kernel = context.kernel_with("gather/interleaved", "main", &[("GRID", grid), ("CONSTANT", constant)])?;
     let pyramid = nodes.pyramid.at(level.level);
     let pass = context.recorder.pass("interleaved", &kernel).uniform("params", &params).uniform("pyramid", &pyramid);
     let pass = pass.bind("node_rows", &nodes.rows).bind("node_at", &nodes.at);
@@ -68,4 +77,15 @@ pub fn record(
     let pass = pass.bind("light_points", &light.points).bind("light_radiance", &light.radiance);
     let work = 400.0 + 20.0 * f64::from(light.strata * light.classes);
     pass.bind("node_irradiance", &nodes.irradiance).dispatch_cut(level.count, work)
+}
+
+/// Corner of a light, and the steps from stratum to stratum; none for a spot.
+fn strata(context: &Context<'_, '_>, light: &LightSamples) -> [[f32; 3]; 3] {
+    let [corner, edge_u, edge_v] = light_samples::edges(context, light.light as usize).map(Vec3::from);
+    if !light.is_area() {
+        return [corner.to_array(), [0.0; 3], [0.0; 3]];
+    }
+    let all = light.strata * light.classes;
+    let [along_u, along_v] = [light.strata_u, all / light.strata_u].map(|n| 1.0 / n as f32);
+    [corner.to_array(), (edge_u * along_u).to_array(), (edge_v * along_v).to_array()]
 }

@@ -71,9 +71,14 @@ impl LightSamples {
         self.cos_cutoff < -1.0
     }
 
-    /// Samples of a set along a row of the light.
+    /// How far apart in a set two samples are that lie above each other on the light: a row, or one of a 4 x 4 block.
     pub fn row(&self) -> u32 {
-        if self.classes > 1 { self.strata_u / 2 } else { self.strata_u }
+        let in_blocks = self.strata_u.is_multiple_of(4) && (self.strata / self.strata_u).is_multiple_of(4);
+        match (self.classes, in_blocks) {
+            (1, true) => 4,
+            (1, false) => self.strata_u,
+            _ => self.strata_u / 2,
+        }
     }
 
     /// As shadow rays see it.
@@ -123,10 +128,16 @@ pub fn interleaved(context: &mut Context<'_, '_>, classes: u32) -> Result<Vec<Li
         .collect()
 }
 
+/// Corner and edges of a light; of a spot only its position means anything.
+pub fn edges(context: &Context<'_, '_>, light: usize) -> [[f32; 3]; 3] {
+    let rows = rows(context, light);
+    [0, 1, 2].map(|row| xyz(rows[row]).to_array())
+}
+
 /// Lengths of a light's edges.
 pub fn lengths(context: &Context<'_, '_>, light: usize) -> [f64; 2] {
-    let rows = rows(context, light);
-    [1, 2].map(|row| f64::from(xyz(rows[row]).length()))
+    let [_, edge_u, edge_v] = edges(context, light).map(Vec3::from);
+    [edge_u, edge_v].map(|edge| f64::from(edge.length()))
 }
 
 /// A light with 256 samples a pattern in 16 blocks of 4 × 4, as `shaders/common/strata.wgsl` wants them.
