@@ -12,6 +12,8 @@ import package::common::nodes::{node_at, node_rows};
 import package::common::pyramid::{pyramid, texel_number, texel_of};
 import package::common::ray::Receiver;
 
+// Neighbours that see more or less than this of the light lie across the edge of a shadow.
+const MOST_APART: f32 = 0.2;
 // Interleaved samples in the middle of their strata: where they are follows from the loop, the same for all threads; else
 // they are looked up.
 override GRID: bool = false;
@@ -45,6 +47,18 @@ struct InterleavedParams {
 fn word_of(node: u32, word: u32) -> vec2u {
     let at = (max(node, 1u) - 1u) * 2u * params.words + word;
     return select(vec2u(0u), vec2u(node_bits[at], node_bits[at + params.words]), node != 0u);
+}
+
+// How much of the samples that face a node it sees.
+fn seen_of(node: u32) -> f32 {
+    var known = 0u;
+    var seen = 0u;
+    for (var word = 0u; word < params.words; word++) {
+        let words = word_of(node, word);
+        known += countOneBits(words.x);
+        seen += countOneBits(words.y);
+    }
+    return f32(seen) / f32(max(known, 1u));
 }
 
 fn neighbour(texel: vec2u, receiver: Receiver, k: u32) -> u32 {
@@ -133,10 +147,12 @@ fn main(
     let receiver = node_receivers[node];
     let size = pyramid.levels[pyramid.level];
     let texel = texel_of(size, row.x - size.z);
+    let share = seen_of(node + 1u);
     var nodes: array<u32, 9>;
     for (var k = 0u; k < 9u; k++) {
         if k == 4u || params.classes > 1u {
-            nodes[k] = neighbour(texel, receiver, k);
+            let other = neighbour(texel, receiver, k);
+            nodes[k] = select(0u, other, abs(seen_of(other) - share) < MOST_APART);
         }
     }
     let first = receiver.pattern / params.classes * params.classes * params.strata;

@@ -36,7 +36,7 @@ struct ReuseParams {
 @group(0) @binding(3) var<storage, read_write> node_bits: array<u32>;
 @group(0) @binding(4) var<storage, read_write> asked: array<u32>;
 
-// Nodes from this level on ask beside what is in doubt, and trust three that agree, below two.
+// Nodes from this level on ask beside what is in doubt.
 const FAR_APART: u32 = 2u;
 
 // True when the surface faces the sample and the light emits towards the surface, as in `shadow`.
@@ -59,7 +59,8 @@ fn facing_bits(receiver: Receiver, word: u32) -> u32 {
     return bits;
 }
 
-// Of one word: samples on which the nodes agree that they are seen, and that they are hidden.
+// Of one word: samples on which the nodes agree that they are seen, and that they are hidden. Three must have asked one;
+// for pixels two are enough.
 fn agreed(nodes: array<u32, 9>, word: u32) -> vec2u {
     var lit = 0xffffffffu;
     var dark = 0xffffffffu;
@@ -78,7 +79,7 @@ fn agreed(nodes: array<u32, 9>, word: u32) -> vec2u {
             once |= known;
         }
     }
-    return vec2u(lit, dark) & vec2u(select(twice, thrice, pyramid.level >= FAR_APART));
+    return vec2u(lit, dark) & vec2u(select(twice, thrice, pyramid.level > 0u));
 }
 
 // Whether neighbour k of the parent is one of the four nodes whose middles surround that of `texel`.
