@@ -15,6 +15,8 @@ pub enum Pixels {
     Bytes(Vec<u8>),
     /// One word a pixel.
     Words(Vec<u32>),
+    /// So many words a pixel.
+    Rows(usize, Vec<u32>),
 }
 
 /// An image on the host.
@@ -35,8 +37,8 @@ pub struct Stats {
     pub total_ms: f64,
     /// Time of each pass, in the order in which they first ran.
     pub stages: Vec<(String, f64)>,
-    /// Level and time of what ran level by level, milliseconds; parts of `stages`.
-    pub level_ms: Vec<(u32, f64)>,
+    /// What ran level by level: level, nodes that were looked at, milliseconds (parts of `stages`).
+    pub levels: Vec<(u32, u64, f64)>,
     /// Rays traced.
     pub rays: u64,
     /// Light samples evaluated.
@@ -66,6 +68,8 @@ pub struct FrameInfo {
     pub stats: Stats,
     /// Every setting, resolved.
     pub settings: Settings,
+    /// Inner resources that were asked for.
+    pub keep: Vec<String>,
 }
 
 /// Level of a pixel that shows a light or is provably unlit.

@@ -86,6 +86,8 @@ pub const FRAGMENTS: [&str; 4] =
 pub const INCREMENTAL: [&str; 4] = ["direct/nodes", "direct/reuse", "direct/interleaved", "direct/incremental"];
 /// Passes that take the fragments' light to the pixels.
 pub const UPSAMPLE: [&str; 3] = ["direct/nearest", "direct/bilinear", "direct/edge_aware"];
+/// Where refinement ends early.
+pub const BILATERAL: &str = "direct/bilateral";
 /// What a picture on a light adds to the exact light of its mean.
 pub const TEXTURED_SHARE: &str = "direct/textured_share";
 /// Exact unshadowed light times the share that is seen.
@@ -191,6 +193,8 @@ impl Plan {
             let other = (!settings.is("upsample", upsample)).then_some("upsample is another");
             self.add(&[pass], direct.or(pixels).or(other));
         }
+        let to_the_pixels = (settings.int("finest_level") == 0).then_some("finest_level is 0");
+        self.add(&[BILATERAL], direct.or(other).or(to_the_pixels));
     }
 
     /// Tiles, cells, penumbrae.
@@ -240,7 +244,7 @@ mod tests {
             &FRAGMENTS,
             &INCREMENTAL,
             &UPSAMPLE,
-            &[TEXTURED_SHARE, IRRADIANCE],
+            &[TEXTURED_SHARE, IRRADIANCE, BILATERAL],
             &INDIRECT,
             &[COMPOSITE, DOWNSAMPLE],
         ]

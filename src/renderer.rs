@@ -1,6 +1,7 @@
 //! The frame as an ordered list of passes, and what is kept between frames.
 
 mod read;
+mod read_levels;
 
 use std::sync::{Mutex, MutexGuard};
 use std::time::Instant;
@@ -10,6 +11,7 @@ use crate::frame::{FrameInfo, Stats};
 use crate::gpu::{AdapterFacts, Buffer, Cancel, Gpu, Recorder, Resources, Times};
 use crate::passes::composite::composite::{self, Images};
 use crate::passes::composite::downsample;
+use crate::passes::gather::levels::Looked;
 use crate::passes::geometry::{gbuffer, primary_rays};
 use crate::passes::scene_buffers::SceneBuffers;
 use crate::passes::visibility::Hit;
@@ -56,6 +58,16 @@ struct Kept {
     irradiance: [Option<Buffer<[f32; 4]>>; 2],
     /// Level and reason of each pixel's fragment, unless every fragment is a pixel.
     levels: Option<[Buffer<u32>; 2]>,
+    /// What incremental refinement looked at.
+    looked: Option<Looked>,
+}
+
+impl Kept {
+    /// Texels of a level that incremental refinement looked at.
+    fn nodes(&self, level: u32) -> u64 {
+        let levels = self.looked.iter().flat_map(|looked| &looked.nodes.levels);
+        levels.filter(|held| held.level == level).map(|held| held.count as u64).sum()
+    }
 }
 
 impl Renderer {
@@ -155,6 +167,7 @@ impl Renderer {
         let started = Instant::now();
         self.check(snapshot, camera, settings)?;
         read::check_names(keep)?;
+        read_levels::check_names(keep, settings)?;
         let mut state = self.lock();
         state.generation += 1;
         state.kept = None;
@@ -172,8 +185,9 @@ impl Renderer {
         let times = recorder.finish()?;
         state.seen = Some((view, state.placed.version()));
         let active = work.active.map(|active| self.gpu.read(&active)).transpose()?.map_or(0, |a| u64::from(a[0]));
-        state.kept = Some(kept);
         let mut stats = statistics(&plan, times, started);
+        stats.levels.iter_mut().for_each(|(level, nodes, _)| *nodes = kept.nodes(*level));
+        state.kept = Some(kept);
         stats.rays = work.rays + state.tracer.device_rays(&self.gpu)?;
         stats.light_evaluations = active * work.samples;
         stats.rebuilt = rebuilt.into_iter().map(str::to_owned).collect();
@@ -189,6 +203,7 @@ impl Renderer {
             supersample,
             stats,
             settings: settings.clone(),
+            keep: keep.to_vec(),
         })
     }
 }
@@ -203,15 +218,18 @@ fn statistics(plan: &Plan, times: Times, started: Instant) -> Stats {
     Stats {
         total_ms,
         stages,
-        level_ms: levels,
+        levels,
         skipped: plan.skipped.iter().map(|(name, reason)| ((*name).to_owned(), (*reason).to_owned())).collect(),
         ..Stats::default()
     }
 }
 
+/// Milliseconds by stage, and by level with its nodes.
+type ByLevel = (Vec<(String, f64)>, Vec<(u32, u64, f64)>);
+
 /// Stages without their levels, summed, and the time of each level.
-fn by_level(timed: Vec<(String, f64)>) -> (Vec<(String, f64)>, Vec<(u32, f64)>) {
-    let (mut stages, mut levels) = (Vec::<(String, f64)>::new(), Vec::<(u32, f64)>::new());
+fn by_level(timed: Vec<(String, f64)>) -> ByLevel {
+    let (mut stages, mut levels) = ByLevel::default();
     for (name, ms) in timed {
         let (stage, level) = name.split_once('@').map_or((name.as_str(), None), |(s, l)| (s, l.parse().ok()));
         match stages.iter_mut().find(|(known, _)| known == stage) {
@@ -219,9 +237,9 @@ fn by_level(timed: Vec<(String, f64)>) -> (Vec<(String, f64)>, Vec<(u32, f64)>) 
             None => stages.push((stage.to_owned(), ms)),
         }
         if let Some(level) = level {
-            match levels.iter_mut().find(|(known, _)| *known == level) {
-                Some((_, sum)) => *sum += ms,
-                None => levels.push((level, ms)),
+            match levels.iter_mut().find(|(known, ..)| *known == level) {
+                Some((.., sum)) => *sum += ms,
+                None => levels.push((level, 0, ms)),
             }
         }
     }
@@ -279,8 +297,9 @@ impl State {
             active: direct.as_ref().map(|d| d.active.clone()),
         };
         let levels = direct.as_ref().and_then(|d| d.levels.clone());
+        let looked = direct.as_ref().and_then(|d| d.looked.clone());
         let irradiance = [direct.map(|d| d.irradiance), indirect];
-        Ok((Kept { view, anchor: prepared.anchor, gbuffer, images, irradiance, levels }, work))
+        Ok((Kept { view, anchor: prepared.anchor, gbuffer, images, irradiance, levels, looked }, work))
     }
 }
 

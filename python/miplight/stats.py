@@ -33,6 +33,9 @@ class Stats:
         What was built again or uploaded again since the renderer's last frame.
     adapter
         Name of the adapter.
+    levels
+        What incremental refinement did, coarse to fine: for each level ``{"nodes": texels that were looked at,
+        "ms": milliseconds}``; the times are parts of `stages`. Empty with any other refinement.
     """
 
     total_ms: float
@@ -44,6 +47,7 @@ class Stats:
     empty: list[str]
     rebuilt: list[str]
     adapter: str
+    levels: dict[int, dict[str, float]] = field(default_factory=dict)
     other: dict[str, Any] = field(default_factory=dict, repr=False)
 
     @classmethod
@@ -51,8 +55,9 @@ class Stats:
         """Stats from what `to_dict` gives; names that this version does not know are kept in `other`."""
         known = {f.name for f in fields(cls)} - {"other"}
         other = {name: value for name, value in values.items() if name not in known}
-        fields_ = {name: values[name] for name in known} | {"empty": list(values["empty"])}
-        return cls(**fields_, other=other)
+        levels = {int(level): dict(row) for level, row in values.get("levels", {}).items()}
+        fields_ = {name: values[name] for name in known - {"levels"}} | {"empty": list(values["empty"])}
+        return cls(**fields_, levels=levels, other=other)
 
     def to_dict(self) -> dict[str, Any]:
         """Every time and count by name; plain values that JSON can hold."""

@@ -264,7 +264,8 @@ impl Resources {
     /// As [`Gpu::buffer`].
     pub fn grow<T: Pod>(&mut self, name: &str, len: usize) -> Result<(Buffer<T>, Option<Buffer<T>>)> {
         let usage = Usage::Storage;
-        let old = self.kept.get(name).filter(|kept| kept.usage == usage && kept.raw.size() < bytes_of::<T>(len)).cloned();
+        let old =
+            self.kept.get(name).filter(|kept| kept.usage == usage && kept.raw.size() < bytes_of::<T>(len)).cloned();
         let Some(allocation) = old else {
             return Ok((self.buffer(name, len)?, None));
         };

@@ -27,14 +27,18 @@ fn plane<T: Element>(py: Python<'_>, image: (u32, u32), values: Vec<T>) -> PyRes
     Ok(array.into_pyarray(py).into_any().unbind())
 }
 
+fn volume<T: Element>(py: Python<'_>, image: (u32, u32), depth: usize, values: Vec<T>) -> PyResult<Py<PyAny>> {
+    let shape = (image.1 as usize, image.0 as usize, depth);
+    let array =
+        Array3::from_shape_vec(shape, values).map_err(|e| pyo3::exceptions::PyRuntimeError::new_err(e.to_string()))?;
+    Ok(array.into_pyarray(py).into_any().unbind())
+}
+
 fn to_numpy(py: Python<'_>, image: Image) -> PyResult<Py<PyAny>> {
     let size = (image.width, image.height);
     match image.pixels {
-        Pixels::Rgb(values) => {
-            let array = Array3::from_shape_vec((size.1 as usize, size.0 as usize, 3), values)
-                .map_err(|e| pyo3::exceptions::PyRuntimeError::new_err(e.to_string()))?;
-            Ok(array.into_pyarray(py).into_any().unbind())
-        }
+        Pixels::Rgb(values) => volume(py, size, 3, values),
+        Pixels::Rows(words, values) => volume(py, size, words, values),
         Pixels::Scalar(values) => plane(py, size, values),
         Pixels::Mask(values) => plane(py, size, values),
         Pixels::Bytes(values) => plane(py, size, values),
@@ -90,6 +94,14 @@ impl PyFrame {
         for (name, ms) in &stats.stages {
             stages.set_item(name, ms)?;
         }
+        let levels = PyDict::new(py);
+        for (level, nodes, ms) in &stats.levels {
+            let row = PyDict::new(py);
+            row.set_item("nodes", nodes)?;
+            row.set_item("ms", ms)?;
+            levels.set_item(level, row)?;
+        }
+        dict.set_item("levels", levels)?;
         dict.set_item("total_ms", stats.total_ms)?;
         dict.set_item("stages", stages)?;
         dict.set_item("readback_ms", 0.0)?;

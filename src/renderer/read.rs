@@ -2,6 +2,7 @@
 
 use glam::{DVec3, Vec3};
 
+use super::read_levels::is_level_name;
 use super::{Kept, Renderer};
 use crate::error::{Error, Result};
 use crate::frame::{FrameInfo, Image, LEVEL_CULLED, LEVEL_NOTHING, Pixels, Reason};
@@ -9,7 +10,7 @@ use crate::gpu::{Buffer, Gpu};
 
 /// `g_normal`'s fourth word: twins of `shaders/common/gbuffer.wgsl`.
 const NOTHING: u32 = 0;
-const SURFACE: u32 = 1;
+pub(super) const SURFACE: u32 = 1;
 const FIRST_LIGHT: u32 = 2;
 
 /// Everything that can be read from a frame.
@@ -36,24 +37,27 @@ pub(super) const NAMES: [&str; 17] = [
 /// # Errors
 /// `Settings` for a name that no frame has.
 pub(super) fn check_names(names: &[String]) -> Result<()> {
-    match names.iter().find(|name| !NAMES.contains(&name.as_str())) {
+    match names.iter().find(|name| !NAMES.contains(&name.as_str()) && !is_level_name(name)) {
         None => Ok(()),
-        Some(unknown) => {
-            Err(Error::Settings(format!("there is no resource {unknown:?} to keep; there are: {}", NAMES.join(", "))))
-        }
+        Some(unknown) => Err(Error::Settings(format!(
+            "there is no resource {unknown:?} to keep; there are: {}, and with refine=\"incremental\" bits, \
+                 level_causes_L and level_image_L of each level L",
+            NAMES.join(", ")
+        ))),
     }
 }
 
 type Row = [u32; 4];
 
-fn xyz(row: &Row) -> [f32; 3] {
+pub(super) fn xyz(row: &Row) -> [f32; 3] {
     [row[0], row[1], row[2]].map(f32::from_bits)
 }
 
 impl Renderer {
     /// What can be read from a frame.
-    pub fn names(&self, _frame: &FrameInfo) -> Vec<String> {
-        NAMES.iter().map(|name| (*name).to_owned()).collect()
+    pub fn names(&self, frame: &FrameInfo) -> Vec<String> {
+        let asked = frame.keep.iter().filter(|name| !NAMES.contains(&name.as_str()));
+        NAMES.iter().map(|name| (*name).to_owned()).chain(asked.cloned()).collect()
     }
 
     /// A resource of a frame.
@@ -92,6 +96,7 @@ impl Kept {
                 Ok(Image { width, height, pixels: Pixels::Rgb(pixels) })
             }
             "level_map" | "reason_map" => self.fragments(gpu, name == "level_map"),
+            _ if is_level_name(name) => self.levels(gpu, name),
             _ => whole(self.aov(gpu, frame, name)?),
         }
     }

@@ -11,6 +11,24 @@ use crate::passes::refine::{incremental, one_pass};
 use crate::passes::visibility::reuse::{MOST_WORDS, Reuse};
 use crate::passes::{Context, GBuffer, upsample};
 
+/// Which samples of a light the nodes face and see.
+#[derive(Debug, Clone)]
+pub struct NodeBits {
+    /// Twice `words` a node.
+    pub buffer: Buffer<u32>,
+    /// Words of samples that a node asks.
+    pub words: usize,
+}
+
+/// What was looked at, kept until the next frame.
+#[derive(Debug, Clone)]
+pub struct Looked {
+    /// The nodes.
+    pub nodes: Nodes,
+    /// Light by light; none where everything is seen.
+    pub bits: Vec<NodeBits>,
+}
+
 /// What stays the same from level to level.
 struct Work<'g> {
     gbuffer: &'g GBuffer,
@@ -115,8 +133,7 @@ impl Work<'_> {
     ) -> Result<Buffer<u32>> {
         let words = light.shadow_light().words();
         let end = level.first + level.count;
-        let name = format!("node_bits/{}", light.light);
-        let bits = context.grown(&name, 2 * words * kept, 2 * words * end)?;
+        let bits = context.grown(&bits_name(light), 2 * words * kept, 2 * words * end)?;
         let asked = context.resources.buffer("asked", words * end)?;
         let reuse = Reuse { nodes, level, light, bits: &bits, asked: &asked };
         reuse.ask(context)?;
@@ -128,8 +145,11 @@ impl Work<'_> {
     }
 
     fn finish(self, context: &mut Context<'_, '_>, nodes: Nodes) -> Result<Direct> {
-        let fragments = incremental::choose(context, self.gbuffer, &nodes, self.texels, &self.state)?;
+        let fragments = incremental::choose(context, self.gbuffer, &nodes, self.texels.clone(), &self.state)?;
         let irradiance = upsample::record(context, self.gbuffer, &fragments, &nodes.irradiance)?;
+        if nodes.pyramid.finest > 0 {
+            upsample::bilateral::record(context, self.gbuffer, &fragments, &nodes, &irradiance)?;
+        }
         let active = context.resources.buffer("active_receivers", 1)?;
         let count: usize = nodes.levels.iter().map(|level| level.count).sum();
         active.write(context.recorder.gpu(), 0, &[count as u32])?;
@@ -138,8 +158,24 @@ impl Work<'_> {
         let why = "every pixel is culled or sees nothing";
         let passes = ["direct/reuse", "direct/shadow", "direct/interleaved"];
         let empty = if count == 0 { passes.map(|pass| (pass, why)).to_vec() } else { Vec::new() };
-        Ok(Direct { irradiance, active, samples, levels, empty, nodes: Some(nodes) })
+        let bits = if self.traced { self.kept_bits(context, &nodes)? } else { Vec::new() };
+        Ok(Direct { irradiance, active, samples, levels, empty, looked: Some(Looked { nodes, bits }) })
     }
+}
+
+impl Work<'_> {
+    fn kept_bits(&self, context: &mut Context<'_, '_>, nodes: &Nodes) -> Result<Vec<NodeBits>> {
+        let of = |light: &LightSamples| {
+            let words = light.shadow_light().words();
+            let buffer = context.resources.buffer(&bits_name(light), 2 * words * nodes.end())?;
+            Ok(NodeBits { buffer, words })
+        };
+        self.lights.iter().map(of).collect()
+    }
+}
+
+fn bits_name(light: &LightSamples) -> String {
+    format!("node_bits/{}", light.light)
 }
 
 /// Bits of a node from which on it is split: the setting counts those of all samples, of which a node asks a share.

@@ -18,7 +18,6 @@ use self::gather::Gathered;
 use crate::error::Result;
 use crate::gpu::Buffer;
 use crate::passes::lights::light_samples;
-use crate::passes::refine::nodes::Nodes;
 use crate::passes::visibility::Receiver;
 use crate::passes::{Context, GBuffer, TILE_PIXELS};
 use crate::plan;
@@ -42,7 +41,7 @@ pub struct Direct {
     /// Passes that had nothing to do, and why.
     pub empty: Vec<(&'static str, &'static str)>,
     /// What incremental refinement looked at.
-    pub nodes: Option<Nodes>,
+    pub looked: Option<levels::Looked>,
 }
 
 /// Receivers that are worked on at once.
@@ -87,7 +86,7 @@ pub fn record(context: &mut Context<'_, '_>, gbuffer: &GBuffer) -> Result<Direct
         first += count;
     }
     let samples = samples.iter().map(|s| u64::from(s.strata)).sum();
-    Ok(Direct { irradiance, active, samples, levels: None, empty: Vec::new(), nodes: None })
+    Ok(Direct { irradiance, active, samples, levels: None, empty: Vec::new(), looked: None })
 }
 
 fn shade(context: &mut Context<'_, '_>, work: &Gathered<'_>) -> Result<()> {

@@ -1,12 +1,12 @@
 //! Which pixels share their light: tiles and cells that are provably or evidently lit or dark, and the zone between.
 
-pub mod incremental;
-pub mod nodes;
 pub mod cell_rays;
 pub mod cells;
 pub mod compact;
+pub mod incremental;
 pub mod light_bounds;
 pub mod list_params;
+pub mod nodes;
 pub mod one_pass;
 pub mod penumbra;
 pub mod penumbra_rays;

@@ -1,5 +1,6 @@
 //! From fragments to pixels.
 
+pub mod bilateral;
 pub mod bilinear;
 pub mod edge_aware;
 pub mod nearest;

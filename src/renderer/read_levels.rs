@@ -1,0 +1,135 @@
+//! What incremental refinement looked at, level by level: causes, light and visibility bits, made on the host when asked.
+
+use super::Kept;
+use super::read::{SURFACE, xyz};
+use crate::error::{Error, Result};
+use crate::frame::{Image, Pixels, Reason};
+use crate::gpu::Gpu;
+use crate::passes::gather::levels::Looked;
+use crate::plan::is_incremental;
+use crate::settings::Settings;
+
+/// Bits of a node's state, twins of `shaders/common/fragment.wgsl` and `nodes.wgsl`, strongest reason first.
+const SPLITS: [(u32, Reason); 4] =
+    [(8, Reason::Depth), (16, Reason::Normal), (32, Reason::Illumination), (64, Reason::Visibility)];
+/// Nodes that lie across an edge are guides: their light is not shown.
+const ROUGH: u32 = 24;
+
+/// What a name asks of the levels.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Asked {
+    Causes(u32),
+    Light(u32),
+    Bits,
+}
+
+fn asked(name: &str) -> Option<Asked> {
+    if name == "bits" {
+        return Some(Asked::Bits);
+    }
+    let level = |rest: &str| rest.parse().ok().filter(|level| *level <= 16);
+    let causes = name.strip_prefix("level_causes_").and_then(level).map(Asked::Causes);
+    causes.or_else(|| name.strip_prefix("level_image_").and_then(level).map(Asked::Light))
+}
+
+/// Whether a name is one of these.
+pub(super) fn is_level_name(name: &str) -> bool {
+    asked(name).is_some()
+}
+
+/// # Errors
+/// `Settings` for a name of these where nothing is refined level by level.
+pub(super) fn check_names(names: &[String], settings: &Settings) -> Result<()> {
+    match names.iter().find(|name| is_level_name(name)) {
+        Some(name) if !is_incremental(settings) => Err(Error::Settings(format!(
+            "there is no resource {name:?} to keep: refine is not incremental; allowed: refine=\"incremental\""
+        ))),
+        _ => Ok(()),
+    }
+}
+
+impl Kept {
+    /// # Errors
+    /// `Settings` where nothing was refined level by level, or not to this level; `Device`.
+    pub(super) fn levels(&self, gpu: &Gpu, name: &str) -> Result<Image> {
+        let Some(looked) = &self.looked else {
+            return Err(Error::Settings(format!(
+                "{name:?} is there only with refine=\"incremental\" and a light that reaches something"
+            )));
+        };
+        let pyramid = &looked.nodes.pyramid;
+        let held = |level: u32| {
+            let fine = (pyramid.finest..=pyramid.coarsest).contains(&level);
+            let text = || {
+                format!("{name:?} is of no level that was used; allowed: {} to {}", pyramid.finest, pyramid.coarsest)
+            };
+            if fine { Ok(level) } else { Err(Error::Settings(text())) }
+        };
+        match asked(name) {
+            Some(Asked::Causes(level)) => self.causes(gpu, looked, held(level)?),
+            Some(Asked::Light(level)) => self.light(gpu, looked, held(level)?),
+            _ => self.bits(gpu, looked),
+        }
+    }
+
+    /// A texel: 255 where nothing was looked at, 0 for a fragment, else why it was split.
+    fn causes(&self, gpu: &Gpu, looked: &Looked, level: u32) -> Result<Image> {
+        let [width, height, first, count] = looked.nodes.pyramid.levels[level as usize];
+        let at = gpu.read(&looked.nodes.at)?;
+        let rows = gpu.read(&looked.nodes.rows)?;
+        let cause = |&node: &u32| {
+            let Some(row) = node.checked_sub(1).map(|node| rows[node as usize]) else { return Reason::Nothing as u8 };
+            let split = level > looked.nodes.pyramid.finest;
+            let why = SPLITS.iter().find(|(bit, _)| split && row[2] & bit != 0);
+            why.map_or(Reason::Coarsest as u8, |(_, reason)| *reason as u8)
+        };
+        let bytes = at[first as usize..(first + count) as usize].iter().map(cause).collect();
+        Ok(Image { width, height, pixels: Pixels::Bytes(bytes) })
+    }
+
+    /// The node that holds each pixel: the finest of `level` and above that was looked at.
+    fn nodes_of(looked: &Looked, at: &[u32], level: u32, pixel: usize) -> Option<usize> {
+        let pyramid = &looked.nodes.pyramid;
+        let [x, y] = [pixel as u32 % pyramid.levels[0][0], pixel as u32 / pyramid.levels[0][0]];
+        let node = (level..=pyramid.coarsest).find_map(|l| {
+            let [width, _, first, _] = pyramid.levels[l as usize];
+            at[(first + (y >> l) * width + (x >> l)) as usize].checked_sub(1)
+        });
+        node.map(|node| node as usize)
+    }
+
+    /// Reflected radiance as it stands after a level, in blocks; zeros where nothing is lit yet.
+    fn light(&self, gpu: &Gpu, looked: &Looked, level: u32) -> Result<Image> {
+        let (at, rows) = (gpu.read(&looked.nodes.at)?, gpu.read(&looked.nodes.rows)?);
+        let irradiance = gpu.read(&looked.nodes.irradiance)?;
+        let (albedo, kinds) = (gpu.read(&self.gbuffer.albedo)?, gpu.read(&self.gbuffer.normal)?);
+        let finest = looked.nodes.pyramid.finest;
+        let pixels = (0..self.view.pixels()).flat_map(|pixel| {
+            let node = Self::nodes_of(looked, &at, level, pixel).filter(|_| kinds[pixel][3] == SURFACE);
+            let shown = node.filter(|&node| level == finest || rows[node][2] & ROUGH == 0);
+            let color = xyz(&albedo[pixel]);
+            let light = shown.map_or([0.0; 4], |node| irradiance[node]);
+            std::array::from_fn::<_, 3, _>(|c| color[c] * light[c] * std::f32::consts::FRAC_1_PI)
+        });
+        Ok(Image { width: self.view.width, height: self.view.height, pixels: Pixels::Rgb(pixels.collect()) })
+    }
+
+    /// For each pixel the words of the samples that its fragment sees, light after light; zeros where there is none.
+    fn bits(&self, gpu: &Gpu, looked: &Looked) -> Result<Image> {
+        let at = gpu.read(&looked.nodes.at)?;
+        let words: usize = looked.bits.iter().map(|bits| bits.words).sum();
+        let mut rows = vec![0; words * self.view.pixels()];
+        let mut first = 0;
+        for bits in &looked.bits {
+            let held = gpu.read(&bits.buffer)?;
+            for pixel in 0..self.view.pixels() {
+                if let Some(node) = Self::nodes_of(looked, &at, 0, pixel) {
+                    let seen = &held[(2 * node + 1) * bits.words..][..bits.words];
+                    rows[pixel * words + first..][..bits.words].copy_from_slice(seen);
+                }
+            }
+            first += bits.words;
+        }
+        Ok(Image { width: self.view.width, height: self.view.height, pixels: Pixels::Rows(words, rows) })
+    }
+}
