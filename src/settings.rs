@@ -218,6 +218,7 @@ pub const SPECS: &[Spec] = &[
     },
     Spec {
         unit: "voxels",
+        kind: Kind::Multiple { min: 32, max: 2048, of: 32 },
         ..int("voxel_slices", [32, 2048], 128, "Voxels along depth, a multiple of 32.", "[NPW10 Sec. 4.2]")
     },
     choice(

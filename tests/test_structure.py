@@ -41,6 +41,7 @@ NO_PASS = {
     "prove_native",
     "adaptive",
     "list_params",
+    "occlusion",
 }
 # Two shaders of one pass: closest and any hits, and shadow rays that are made where they are traced.
 RUST_OF = {"visibility/shadow": "visibility/trace"}

@@ -1,6 +1,7 @@
 //! Rays are lists: one pass writes them, the trace answers, the next pass reads the answers.
 
 mod native;
+pub mod occlusion;
 pub mod placed;
 pub mod prove;
 pub mod prove_native;
