@@ -42,6 +42,7 @@ NO_PASS = {
     "adaptive",
     "list_params",
     "occlusion",
+    "voxel_depths",
 }
 # Two shaders of one pass: closest and any hits, and shadow rays that are made where they are traced.
 RUST_OF = {"visibility/shadow": "visibility/trace"}

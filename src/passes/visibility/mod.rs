@@ -10,5 +10,8 @@ pub mod trace;
 pub mod trace_native;
 pub mod trace_wgsl;
 mod tree_upload;
+mod voxel_depths;
+pub mod voxel_shadow;
+pub mod voxelize;
 
 pub use trace_native::{Hit, Ray, Receiver};

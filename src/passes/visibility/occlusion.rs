@@ -3,11 +3,14 @@ use std::ops::Range;
 
 use super::Receiver;
 use super::shadow::ShadowLight;
+use super::voxelize::{self, VoxelGrid};
+use super::voxel_shadow;
 use crate::error::{Error, Result};
-use crate::gpu::Buffer;
+use crate::gpu::{Buffer, Gpu};
 use crate::passes::Context;
 use crate::passes::lights::light_samples::LightSamples;
 use crate::plan;
+use crate::scene::camera::Camera;
 use crate::settings::Settings;
 
 /// Answers which samples are seen; made once a frame, after the light samples.
@@ -16,19 +19,37 @@ pub enum Occlusion {
     None,
     /// Rays through the scene's trees.
     Ray,
+    /// Marches through voxels of the view.
+    Voxel(VoxelGrid),
+}
+
+/// A question to whatever answers: see [`Occlusion::ask`].
+pub struct Asked<'q> {
+    /// Who asks.
+    pub receivers: &'q Buffer<Receiver>,
+    /// About which samples.
+    pub light: &'q ShadowLight<'q>,
+    /// What is asked, and where the answer goes.
+    pub bits: &'q Buffer<u32>,
+    /// Which receivers.
+    pub range: Range<usize>,
+    /// Only those samples whose bits are set.
+    pub some: bool,
 }
 
 /// Whether the settings go together and what they ask for fits.
 ///
 /// # Errors
 /// `Settings`.
-pub fn check(settings: &Settings) -> Result<()> {
+pub fn check(settings: &Settings, camera: &Camera, gpu: &Gpu) -> Result<()> {
+    let most = gpu.limits().max_storage_buffer_binding_size;
     let coarse = ["voxel", "shadow-map"].into_iter().find(|kind| settings.is("visibility", kind));
     match coarse {
         Some(kind) if plan::is_adaptive(settings) => Err(Error::Settings(format!(
             "visibility={kind:?} with refine=\"one-pass\" and direct_estimator=\"ratio\": what is proven there, and the \
              width of penumbrae, is true of rays alone; allowed: visibility \"ray\" or \"none\", or refine \"none\""
         ))),
+        Some("voxel") => voxelize::check(settings, camera, most),
         _ => Ok(()),
     }
 }
@@ -43,6 +64,9 @@ impl Occlusion {
         if is("none") {
             return Ok(Self::None);
         }
+        if is("voxel") {
+            return Ok(Self::Voxel(voxelize::record(context)?));
+        }
         Ok(Self::Ray)
     }
 
@@ -55,6 +79,7 @@ impl Occlusion {
     pub fn stage(&self) -> &'static str {
         match self {
             Self::None | Self::Ray => "shadow",
+            Self::Voxel(_) => "voxel_shadow",
         }
     }
 
@@ -85,6 +110,7 @@ impl Occlusion {
                     false => tracer.shadow(context.recorder, stage, receivers, light, bits, range)?,
                 };
             }
+            Self::Voxel(grid) => voxel_shadow::record(context, stage, grid, &Asked { receivers, light, bits, range, some })?,
         }
         Ok(())
     }
