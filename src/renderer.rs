@@ -15,6 +15,7 @@ use crate::passes::gather::levels::Looked;
 use crate::passes::geometry::{gbuffer, primary_rays};
 use crate::passes::scene_buffers::SceneBuffers;
 use crate::passes::visibility::Hit;
+use crate::passes::visibility::occlusion;
 use crate::passes::visibility::placed::PlacedScene;
 use crate::passes::visibility::trace::{Form, Tracer};
 use crate::passes::{Context, GBuffer, View, gather, indirect};
@@ -138,6 +139,7 @@ impl Renderer {
         self.gpu.check()?;
         snapshot.check()?;
         camera.check()?;
+        occlusion::check(settings, camera, &self.gpu)?;
         let factor = u64::from(settings.int("supersample"));
         let pixels = u64::from(camera.width) * u64::from(camera.height) * factor * factor;
         let largest = self.gpu.limits().max_storage_buffer_binding_size.min(self.gpu.limits().max_buffer_size) / 16;

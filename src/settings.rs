@@ -73,9 +73,11 @@ pub const SPECS: &[Spec] = &[
     choice(
         "visibility",
         &["none", "voxel", "ray", "shadow-map"],
-        &["none", "ray"],
+        &["none", "voxel", "ray", "shadow-map"],
         "ray",
-        "How it is found whether a light sample is seen; `ray` is exact.",
+        "How it is found whether a light sample is seen: `ray` is exact; `voxel` marches through the voxels of what \
+         the camera's view holds; `shadow-map` looks into a coarse map of each sample. The last two not where `refine` \
+         is one-pass and `direct_estimator` is ratio.",
         "[KJ16]",
     ),
     choice(
@@ -218,6 +220,7 @@ pub const SPECS: &[Spec] = &[
     },
     Spec {
         unit: "voxels",
+        kind: Kind::Multiple { min: 32, max: 2048, of: 32 },
         ..int("voxel_slices", [32, 2048], 128, "Voxels along depth, a multiple of 32.", "[NPW10 Sec. 4.2]")
     },
     choice(
@@ -242,6 +245,16 @@ pub const SPECS: &[Spec] = &[
             0.0,
             "By how much of the image the voxels reach beyond each of its sides, so that occluders off screen count.",
             "[NPW10]",
+        )
+    },
+    Spec {
+        unit: "texels",
+        ..int(
+            "shadow_map_resolution",
+            [8, 1024],
+            64,
+            "Width of the map of each light sample; `visibility` shadow-map only.",
+            "[NPW10 Sec. 4]",
         )
     },
     Spec {

@@ -41,6 +41,8 @@ NO_PASS = {
     "prove_native",
     "adaptive",
     "list_params",
+    "occlusion",
+    "voxel_depths",
 }
 # Two shaders of one pass: closest and any hits, and shadow rays that are made where they are traced.
 RUST_OF = {"visibility/shadow": "visibility/trace"}

@@ -45,6 +45,7 @@ class Knob:
     unit: str
     doc: str
     source: str
+    multiple_of: int = 1
 
     @classmethod
     def from_core(cls, spec: Mapping[str, Any]) -> Knob:
@@ -65,6 +66,7 @@ class Knob:
             unit=spec["unit"] or "",
             doc=spec["doc"],
             source=spec["source"] or "",
+            multiple_of=spec.get("multiple_of", 1),
         )
 
     def check(self, value: object) -> SettingValue:
@@ -118,9 +120,13 @@ class Knob:
             number < self.minimum or (self.exclusive_minimum and number == self.minimum)
         )
         above = self.maximum is not None and number > self.maximum
-        if below or above or not math.isfinite(number):
+        if below or above or not math.isfinite(number) or self._between(number):
             fail(self._title, value, self.allowed(), SettingsError)
         return number
+
+    def _between(self, number: float) -> bool:
+        """True for a number between two multiples of what has to divide it."""
+        return self.multiple_of > 1 and number % self.multiple_of != 0
 
     def allowed(self) -> str:
         """What the setting may be, in words."""
@@ -128,6 +134,8 @@ class Knob:
             also = " (or a bool)" if self.kind == "switch" else ""
             return _listed(self.choices) + also
         kind = "a whole number" if self.kind == "int" else "a number"
+        if self.multiple_of > 1:
+            kind = f"a multiple of {self.multiple_of}"
         parts = []
         if self.minimum is not None:
             parts.append(

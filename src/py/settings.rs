@@ -70,6 +70,7 @@ fn spec_to_python<'py>(py: Python<'py>, spec: &Spec) -> PyResult<Bound<'py, PyDi
         row.set_item(key, py.None())?;
     }
     row.set_item("exclusive_minimum", false)?;
+    row.set_item("multiple_of", 1)?;
     match spec.kind {
         Kind::Choice { choices, available } => {
             row.set_item("kind", if choices == ["off", "on"] { "switch" } else { "choice" })?;
@@ -85,6 +86,12 @@ fn spec_to_python<'py>(py: Python<'py>, spec: &Spec) -> PyResult<Bound<'py, PyDi
                 row.set_item("available", only)?;
             }
         }
+        Kind::Multiple { min, max, of } => {
+            row.set_item("kind", "int")?;
+            row.set_item("minimum", min)?;
+            row.set_item("maximum", max)?;
+            row.set_item("multiple_of", of)?;
+        }
         Kind::Float { min, max, exclusive } => {
             row.set_item("kind", "float")?;
             row.set_item("minimum", min)?;
@@ -95,7 +102,7 @@ fn spec_to_python<'py>(py: Python<'py>, spec: &Spec) -> PyResult<Bound<'py, PyDi
     Ok(row)
 }
 
-/// One dictionary a setting: name, kind, default, choices, available, minimum, maximum, unit, doc, source.
+/// One dictionary a setting: name, kind, default, choices, available, minimum, maximum, multiple_of, unit, doc, source.
 #[pyfunction]
 pub(super) fn setting_specs(py: Python<'_>) -> PyResult<Bound<'_, PyList>> {
     let rows: PyResult<Vec<_>> = SPECS.iter().map(|spec| spec_to_python(py, spec)).collect();

@@ -34,6 +34,15 @@ pub enum Kind {
         /// The only values allowed, if any are named.
         only: &'static [i64],
     },
+    /// A whole number from `min` to `max` that is a multiple of `of`.
+    Multiple {
+        /// Smallest.
+        min: i64,
+        /// Largest.
+        max: i64,
+        /// What divides it.
+        of: i64,
+    },
     /// A real number above `min` (or equal to it) up to `max`.
     Float {
         /// Lower bound.
@@ -120,6 +129,8 @@ impl Spec {
                 if only.is_empty() || only.contains(i) { Ok(()) } else { refuse(format!("{only:?}")) }
             }
             (Kind::Int { min, max, .. }, _) => refuse(format!("whole numbers from {min} to {max}")),
+            (Kind::Multiple { min, max, of }, Value::Int(i)) if *i >= min && *i <= max && i % of == 0 => Ok(()),
+            (Kind::Multiple { min, max, of }, _) => refuse(format!("multiples of {of} from {min} to {max}")),
             (Kind::Float { min, max, exclusive }, Value::Float(f))
                 if *f <= max && (*f > min || !exclusive && *f == min) =>
             {

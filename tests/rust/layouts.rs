@@ -219,7 +219,7 @@ const ELSEWHERE: [(&str, &str); 6] = [
     ("common/bvh", "Placed"),
     ("common/bvh", "Triangle"),
     ("common/bvh", "TopLevel"),
-    ("passes/visibility/shadow", "ShadowParams"),
+    ("common/shadow_query", "ShadowParams"),
 ];
 
 /// Names of the structs that the buffers of a shader hold.

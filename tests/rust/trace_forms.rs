@@ -330,5 +330,5 @@ fn twins_have_the_same_layout() {
         patterns,
         words
     });
-    twin(&params, "passes/visibility/shadow", "ShadowParams");
+    twin(&params, "common/shadow_query", "ShadowParams");
 }

@@ -11,17 +11,7 @@ import package::common::bvh::{active_ray, trace_ray};
 import package::common::grid::{Grid, item_index};
 import package::common::ray::{MISS, Ray, Receiver};
 import package::common::ray_counter::{add_rays, count_rays};
-
-struct ShadowParams {
-    light_normal: vec3<f32>,
-    two_sided: u32,
-    cone_axis: vec3<f32>,
-    cos_cutoff: f32, // -1 and below: no cone
-    receivers: u32,
-    strata: u32,
-    patterns: u32,
-    words: u32,
-}
+import package::common::shadow_query::{ShadowParams, faces};
 
 const SIZE: u32 = 64u;
 
@@ -30,13 +20,6 @@ const SIZE: u32 = 64u;
 @group(0) @binding(2) var<storage, read> receivers: array<Receiver>;
 @group(0) @binding(3) var<storage, read> points: array<vec4<f32>>;
 @group(0) @binding(4) var<storage, read_write> visibility: array<u32>;
-
-// True when the surface faces the sample and the light emits towards the surface; `d` leads to the sample.
-fn faces(receiver: Receiver, d: vec3<f32>) -> bool {
-    let emits = params.two_sided != 0u || dot(params.light_normal, d) < 0.0;
-    let cone = params.cos_cutoff <= -1.0 || params.cos_cutoff * length(d) <= -dot(params.cone_axis, d);
-    return emits && cone && dot(receiver.normal_geo, d) > 0.0 && dot(receiver.normal_shade, d) > 0.0;
-}
 
 // Nothing lies between the receiver and the sample.
 fn sees(ray: Ray) -> bool {
@@ -55,7 +38,7 @@ fn visible_bits(receiver: Receiver, first: u32) -> u32 {
     let count = min(params.strata - first, 32u);
     for (var k = 0u; k < count; k++) {
         let ray = ray_to(receiver, points[row + first + k]);
-        if faces(receiver, ray.direction) && sees(ray) {
+        if faces(params, receiver, ray.direction) && sees(ray) {
             bits |= 1u << k;
         }
     }
@@ -72,7 +55,7 @@ fn bits_left(receiver: Receiver, first: u32, asked: u32) -> u32 {
         let k = firstTrailingBit(todo);
         todo &= todo - 1u;
         let ray = ray_to(receiver, points[row + first + k]);
-        if faces(receiver, ray.direction) && !sees(ray) {
+        if faces(params, receiver, ray.direction) && !sees(ray) {
             bits &= ~(1u << k);
         }
     }

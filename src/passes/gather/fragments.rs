@@ -7,6 +7,7 @@ use crate::gpu::Buffer;
 use crate::passes::lights::light_samples;
 use crate::passes::refine::one_pass;
 use crate::passes::visibility::Receiver;
+use crate::passes::visibility::occlusion::Occlusion;
 use crate::passes::{Context, GBuffer, upsample};
 
 /// Direct irradiance of every pixel from that of its fragment and its neighbours.
@@ -23,7 +24,8 @@ pub fn record(context: &mut Context<'_, '_>, gbuffer: &GBuffer) -> Result<Direct
     let own: Buffer<[f32; 4]> = context.resources.buffer("fragment_irradiance", count)?;
     context.recorder.clear(&own)?;
     let most = samples.iter().map(|s| s.strata).max().unwrap_or(1);
-    let words = if context.settings.is("visibility", "none") { 0 } else { most.div_ceil(32) as usize };
+    let occlusion = Occlusion::record(context, &samples)?;
+    let words = if occlusion.asks() { most.div_ceil(32) as usize } else { 0 };
     let len = chunk_len(context, most).min(count);
     let receivers: Buffer<Receiver> = context.resources.buffer("receivers", len)?;
     let visibility: Buffer<u32> = context.resources.buffer("visibility", (len * words).max(1))?;
@@ -33,7 +35,8 @@ pub fn record(context: &mut Context<'_, '_>, gbuffer: &GBuffer) -> Result<Direct
         fragment_receivers::record(context, gbuffer, &listed, first, chunk, &receivers)?;
         for light in &samples {
             let (receivers, visibility, irradiance) = (&receivers, &visibility, &own);
-            shade(context, &Gathered { light, receivers, visibility, count: chunk, traced: words > 0, irradiance })?;
+            let work = Gathered { light, receivers, visibility, count: chunk, traced: words > 0, irradiance };
+            shade(context, &occlusion, &work)?;
         }
         first += chunk;
     }

@@ -19,6 +19,7 @@ use crate::error::Result;
 use crate::gpu::Buffer;
 use crate::passes::lights::light_samples;
 use crate::passes::visibility::Receiver;
+use crate::passes::visibility::occlusion::Occlusion;
 use crate::passes::{Context, GBuffer, TILE_PIXELS};
 use crate::plan;
 
@@ -71,7 +72,8 @@ pub fn record(context: &mut Context<'_, '_>, gbuffer: &GBuffer) -> Result<Direct
     context.recorder.clear(&active)?;
     let samples = light_samples::record(context)?;
     let most = samples.iter().map(|s| s.strata).max().unwrap_or(1);
-    let words = if context.settings.is("visibility", "none") { 0 } else { most.div_ceil(32) as usize };
+    let occlusion = Occlusion::record(context, &samples)?;
+    let words = if occlusion.asks() { most.div_ceil(32) as usize } else { 0 };
     let len = chunk_len(context, most);
     let receivers: Buffer<Receiver> = context.resources.buffer("receivers", len)?;
     let visibility: Buffer<u32> = context.resources.buffer("visibility", (len * words).max(1))?;
@@ -81,7 +83,8 @@ pub fn record(context: &mut Context<'_, '_>, gbuffer: &GBuffer) -> Result<Direct
         receivers::record(context, gbuffer, first, count, &receivers, &active)?;
         for light in &samples {
             let (receivers, visibility, irradiance) = (&receivers, &visibility, &irradiance);
-            shade(context, &Gathered { light, receivers, visibility, count, traced: words > 0, irradiance })?;
+            let work = Gathered { light, receivers, visibility, count, traced: words > 0, irradiance };
+            shade(context, &occlusion, &work)?;
         }
         first += count;
     }
@@ -89,12 +92,11 @@ pub fn record(context: &mut Context<'_, '_>, gbuffer: &GBuffer) -> Result<Direct
     Ok(Direct { irradiance, active, samples, levels: None, empty: Vec::new(), looked: None })
 }
 
-fn shade(context: &mut Context<'_, '_>, work: &Gathered<'_>) -> Result<()> {
+fn shade(context: &mut Context<'_, '_>, occlusion: &Occlusion, work: &Gathered<'_>) -> Result<()> {
     let light = work.light;
     if work.traced {
-        let asked = light.shadow_light();
-        let (tracer, range) = (context.tracer, 0..work.count);
-        context.rays += tracer.shadow(context.recorder, "shadow", work.receivers, &asked, work.visibility, range)?;
+        let (asked, range) = (light.shadow_light(), 0..work.count);
+        occlusion.ask(context, occlusion.stage(), work.receivers, &asked, work.visibility, range, false)?;
     }
     if light.is_area() && context.settings.is("direct_estimator", "ratio") {
         gather_ratio::record(context, work)

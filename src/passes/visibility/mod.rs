@@ -1,6 +1,7 @@
 //! Rays are lists: one pass writes them, the trace answers, the next pass reads the answers.
 
 mod native;
+pub mod occlusion;
 pub mod placed;
 pub mod prove;
 pub mod prove_native;
@@ -10,5 +11,8 @@ pub mod trace;
 pub mod trace_native;
 pub mod trace_wgsl;
 mod tree_upload;
+mod voxel_depths;
+pub mod voxel_shadow;
+pub mod voxelize;
 
 pub use trace_native::{Hit, Ray, Receiver};

@@ -9,7 +9,7 @@ use super::trace_wgsl::WgslTrace;
 use crate::error::Result;
 use crate::gpu::{Buffer, Recorder};
 
-/// Twin of `ShadowParams` in `shaders/passes/visibility/shadow.wgsl`.
+/// Twin of `ShadowParams` in `shaders/common/shadow_query.wgsl`.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Pod, Zeroable)]
 pub struct ShadowParams {
@@ -52,6 +52,20 @@ impl ShadowLight<'_> {
     /// Words of visibility bits that a receiver has.
     pub fn words(&self) -> usize {
         (self.strata as usize).div_ceil(32)
+    }
+
+    /// What shaders need to know of it and of a list of receivers.
+    pub fn params(&self, receivers: usize) -> ShadowParams {
+        ShadowParams {
+            light_normal: self.light_normal,
+            two_sided: u32::from(self.two_sided),
+            cone_axis: self.cone_axis,
+            cos_cutoff: self.cos_cutoff,
+            receivers: receivers as u32,
+            strata: self.strata,
+            patterns: self.points.len() as u32 / self.strata.max(1),
+            words: self.words() as u32,
+        }
     }
 
     /// The same on the host.
@@ -172,16 +186,7 @@ fn record(
     let gpu = recorder.gpu().clone();
     let kernel = gpu.kernel("passes/visibility/shadow", entry, &[])?;
     let words = light.words();
-    let params = ShadowParams {
-        light_normal: light.light_normal,
-        two_sided: u32::from(light.two_sided),
-        cone_axis: light.cone_axis,
-        cos_cutoff: light.cos_cutoff,
-        receivers: range.len() as u32,
-        strata: light.strata,
-        patterns: light.points.len() as u32 / light.strata,
-        words: words as u32,
-    };
+    let params = light.params(range.len());
     let rays_an_item = f64::from(light.strata.min(32));
     wgsl.pass(recorder, stage, &kernel)?
         .uniform("params", &params)

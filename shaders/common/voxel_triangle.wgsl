@@ -1,0 +1,89 @@
+// A triangle before the camera: the cells of the voxel grid that it may touch, and its depths within one of them.
+
+import package::common::voxels::{Voxels, cell_at, cell_place};
+
+// Cells are this much wider, so that rounding leaves no crack between neighbours.
+const CRACK: f32 = 0.001;
+
+// Corners along the camera's axes, normals of the planes through the eye and each edge, and the cells to look at.
+struct Triangle {
+    corner: array<vec3f, 3>,
+    side: array<vec3f, 3>,  // opposite corner i
+    volume: f32,
+    lo: vec2u,
+    hi: vec2u,
+    empty: bool,
+}
+
+// The part of the segment p + t e, t in 0..1, between the planes before and behind: x the first t, y the last.
+fn clip(range: vec2f, at_start: f32, slope: f32) -> vec2f {
+    if slope == 0.0 {
+        return select(vec2f(1.0, 0.0), range, at_start >= 0.0);
+    }
+    let t = -at_start / slope;
+    return select(vec2f(range.x, min(range.y, t)), vec2f(max(range.x, t), range.y), slope > 0.0);
+}
+
+// `corner` along the camera's axes.
+fn eye_triangle(voxels: Voxels, corner: array<vec3f, 3>) -> Triangle {
+    var t: Triangle;
+    t.corner = corner;
+    var lo = vec2f(1e30);
+    var hi = vec2f(-1e30);
+    for (var i = 0u; i < 3u; i++) {
+        let p = t.corner[i];
+        let e = t.corner[(i + 1u) % 3u] - p;
+        t.side[(i + 2u) % 3u] = cross(p, t.corner[(i + 1u) % 3u]);
+        let range = clip(vec2f(0.0, 1.0), p.z - voxels.near, e.z);
+        if range.x <= range.y {
+            // Exactly in front, so that no rounding turns a place over.
+            let a = p + range.x * e;
+            let b = p + range.y * e;
+            let start = cell_place(voxels, vec3f(a.xy, max(a.z, voxels.near)));
+            let end = cell_place(voxels, vec3f(b.xy, max(b.z, voxels.near)));
+            lo = min(lo, min(start, end));
+            hi = max(hi, max(start, end));
+        }
+    }
+    t.volume = dot(t.corner[0], t.side[0]);
+    let size = vec2f(f32(voxels.columns), f32(voxels.rows));
+    t.empty = !(all(hi >= vec2f(0.0)) && all(lo <= size));
+    t.lo = cell_at(voxels, clamp(lo - CRACK, vec2f(0.0), size));
+    t.hi = cell_at(voxels, clamp(hi + CRACK, vec2f(0.0), size));
+    return t;
+}
+
+// Least and largest depth of the triangle inside a cell; the first above the second where it is not there.
+fn depths_in(voxels: Voxels, t: Triangle, cell: vec2u) -> vec2f {
+    let lo = vec2f(cell) - CRACK - voxels.center;
+    let hi = vec2f(cell) + 1.0 + CRACK - voxels.center;
+    var depths = vec2f(1e30, -1e30);
+    for (var i = 0u; i < 3u; i++) {
+        let p = t.corner[i];
+        let e = t.corner[(i + 1u) % 3u] - p;
+        var range = clip(vec2f(0.0, 1.0), p.z - voxels.near, e.z);
+        let place = voxels.scale * p.xy;
+        let slope = voxels.scale * e.xy;
+        range = clip(range, place.x - lo.x * p.z, slope.x - lo.x * e.z);
+        range = clip(range, hi.x * p.z - place.x, hi.x * e.z - slope.x);
+        range = clip(range, place.y - lo.y * p.z, slope.y - lo.y * e.z);
+        range = clip(range, hi.y * p.z - place.y, hi.y * e.z - slope.y);
+        if range.x <= range.y {
+            let ends = p.z + range * e.z;
+            depths = vec2f(min(depths.x, min(ends.x, ends.y)), max(depths.y, max(ends.x, ends.y)));
+        }
+    }
+    // Where a corner of the cell looks through the triangle: depth = volume / sum of the three weights.
+    for (var i = 0u; i < 4u; i++) {
+        let place = vec2f(select(lo.x, hi.x, (i & 1u) != 0u), select(lo.y, hi.y, (i & 2u) != 0u));
+        let ray = vec3f(place / voxels.scale, 1.0);
+        let weights = vec3f(dot(t.side[0], ray), dot(t.side[1], ray), dot(t.side[2], ray)) * sign(t.volume);
+        let sum = weights.x + weights.y + weights.z;
+        if all(weights >= vec3f(0.0)) && sum > 0.0 {
+            let depth = abs(t.volume) / sum;
+            depths = vec2f(min(depths.x, depth), max(depths.y, depth));
+        }
+    }
+    let seen = depths.y >= voxels.near && depths.x <= voxels.far;
+    return select(vec2f(1.0, 0.0), depths, seen);
+}
