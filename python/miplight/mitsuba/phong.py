@@ -1,8 +1,8 @@
 """The energy-normalised Phong material as a Mitsuba BSDF; Mitsuba has none of its own.
 
-``miplight_phong`` reflects f = ρ/π + ρₛ (n + 2)/(2π) max(0, cos α)ⁿ, α the angle between the outgoing direction
-and the mirror direction of the incident one about the shading normal. It is zero below the surface; `to_dict`
-puts ``twosided`` around it, as around ``diffuse``. Its parameters:
+``miplight_phong`` reflects f = ρ/π + ρₛ (n + 2)/(2π) max(0, cos α)ⁿ, α the angle between the outgoing
+direction and the mirror direction of the incident one about the shading normal. It is zero below the surface;
+`to_dict` puts ``twosided`` around it, as around ``diffuse``. Its parameters:
 
 ``diffuse_reflectance``    ρ, a texture, default 0.5
 ``specular_reflectance``   ρₛ, a texture, default 0.2
@@ -17,9 +17,10 @@ from __future__ import annotations
 
 from typing import Any
 
-__all__ = ["PHONG", "phong"]
+__all__ = ["DEFAULT_SHININESS", "PHONG", "phong"]
 
 PHONG = "miplight_phong"
+DEFAULT_SHININESS = 32.0
 
 
 def phong(mi: Any) -> type:
@@ -33,7 +34,7 @@ def phong(mi: Any) -> type:
             super().__init__(props)
             self.diffuse = props.get_texture("diffuse_reflectance", 0.5)
             self.specular = props.get_texture("specular_reflectance", 0.2)
-            self.shininess = float(props.get("shininess", 32.0))
+            self.shininess = float(props.get("shininess", DEFAULT_SHININESS))
             if not self.shininess >= 0.0:
                 raise ValueError(f"shininess is {self.shininess}; allowed: 0 or more")
             self.m_components = [diffuse_flags, glossy_flags]
@@ -122,7 +123,7 @@ def _mirrored(mi: Any, wi: Any) -> Any:
 
 
 def _value_and_density(mi: Any, bsdf: Any, ctx: Any, si: Any, wo: Any, active: Any) -> tuple[Any, Any]:
-    """f cosθ and the density of `sample`, both zero below the surface."""
+    """Return f cosθ and the density of `sample`, both zero below the surface."""
     import drjit as dr
 
     diffuse, specular = _reflectances(mi, bsdf, ctx, si, active)
