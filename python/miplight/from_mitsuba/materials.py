@@ -1,4 +1,4 @@
-"""Mitsuba BSDFs as materials, diffuse ones but for our Phong; Mitsuba resolves presets, spectra and images."""
+"""Mitsuba BSDFs as materials, diffuse but for our own Phong; it resolves presets, spectra and images."""
 
 from __future__ import annotations
 
