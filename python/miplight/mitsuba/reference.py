@@ -188,6 +188,9 @@ def reference(
     -----
     Mitsuba's ray offsets are absolute: scenes should be 1 to 100 units across. It counts light from behind
     the geometric surface that its interpolated normal faces, unless something blocks it.
+
+    An invisible light is found by sampling lights alone, so a narrow lobe of it stays noisy: 30 times as much
+    as of a visible one with shininess 1000, three times with 10.
     """
     samples = as_count(spp, "spp", error=SettingsError)
     depth = as_count(max_depth, "max_depth", at_least=2, error=SettingsError)
