@@ -8,7 +8,6 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ._vectors import format_vector
-from .errors import SceneError
 from .validate import as_color, as_color_or_image, as_number, fail, require
 
 if TYPE_CHECKING:
@@ -65,10 +64,6 @@ class Material:
         total = self._albedo + self._specular
         # float32 rounds 0.7 + 0.3 up to 1.0000001: half a unit in the last place is no extra energy
         require(total <= 1.0 + 1e-6, "albedo + specular", total, "at most 1 in every channel")
-        if self._specular.any():
-            raise SceneError(
-                f"specular is {format_vector(self._specular)}: not available yet; allowed: (0, 0, 0)"
-            )
 
     @property
     def albedo(self) -> NDArray[np.float32]:

@@ -87,3 +87,45 @@ def floor_under(scene: ml.Scene, albedo: ArrayLike = (0.5, 0.5, 0.5), size: floa
 def view_down(width: int = 32, height: int = 24, up: float = 6.0, fov_y: float = 40.0) -> ml.Camera:
     """A camera above the floor that looks straight down, −Z at the top of the picture."""
     return ml.Camera.look_at((0.0, up, 0.0), (0.0, 0.0, 0.0), (0, 0, -1), fov_y, width, height)
+
+
+def phong(
+    wi: Points, wo: Points, normal: ArrayLike, diffuse: ArrayLike, specular: ArrayLike, n: float
+) -> Points:
+    """The normalised Phong material f, (..., 3), of unit vectors away from the surface; zero below it."""
+    up = np.asarray(normal, dtype=np.float64)
+    cos_i, cos_o = wi @ up, wo @ up
+    mirror = 2.0 * cos_i[..., None] * up - wi
+    cosine = (mirror * wo).sum(axis=-1)
+    lobe = np.where(cosine > 0.0, np.abs(cosine) ** n, 0.0) * (n + 2.0) / (2.0 * np.pi)
+    value = np.asarray(diffuse) / np.pi + lobe[..., None] * np.asarray(specular)
+    result: Points = np.where(((cos_i > 0.0) & (cos_o > 0.0))[..., None], value, 0.0)
+    return result
+
+
+def glossy_radiance(
+    camera: ml.Camera,
+    points: Points,
+    material: ml.Material,
+    light: ml.AreaLight,
+    fine: int,
+    diffuse: Any = None,
+) -> Points:
+    """Radiance towards the camera of points (N, 3) of a floor that faces up, by one light that nothing hides.
+
+    Every texel of the light is cut into `fine` × `fine` midpoints; `diffuse` replaces a textured albedo.
+    """
+    up = np.array((0.0, 1.0, 0.0))
+    view = camera.origin - points
+    view /= np.linalg.norm(view, axis=-1, keepdims=True)
+    albedo = material.albedo if diffuse is None else diffuse
+    total = np.zeros_like(points)
+    patches = light_patches(light, fine)
+    for corners, value in patches:
+        offset = corners.mean(axis=0) - points
+        distance2 = (offset**2).sum(axis=-1)
+        wo = offset / np.sqrt(distance2)[:, None]
+        cosine = np.maximum(-(wo @ light.normal), 0.0) * np.maximum(wo @ up, 0.0)
+        f = phong(view, wo, up, albedo, material.specular, material.shininess)
+        total += f * (cosine / distance2)[:, None] * value
+    return total * light.area / len(patches)

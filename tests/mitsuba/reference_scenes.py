@@ -17,6 +17,8 @@ from tests.claim_scenes import CLAIMS
 FOLDER = Path(__file__).parent / "references"
 SIZE = 128
 CLAIM_SIZE = 144
+GLOSSY_SIZE = 96
+SHININESS = (10, 50, 200, 1000)
 
 SceneAndCamera = tuple[ml.Scene, ml.Camera]
 
@@ -119,6 +121,50 @@ def blind() -> SceneAndCamera:
     return scene, camera
 
 
+def glossy_floor(shininess: float, shadowed: bool = False, size: int = GLOSSY_SIZE) -> SceneAndCamera:
+    """A dark glossy floor before a screen that stands upright at its back: bright bars, a disc, dark parts.
+
+    Shadowed, a box and a sphere stand between, and hide some of the screen from the floor and the eye.
+    """
+    scene = ml.Scene()
+    material = ml.Material((0.1, 0.1, 0.1), specular=(0.6, 0.6, 0.6), shininess=shininess)
+    corners = [(-2.5, 0, -2), (-2.5, 0, 3), (2.5, 0, 3), (2.5, 0, -2)]
+    scene.add_arrays(corners, [(0, 1, 2), (0, 2, 3)], name="floor", material=material, shading="flat")
+    screen = ml.AreaLight((-1.6, 0.15, -1.8), (3.2, 0, 0), (0, 1.8, 0), radiance=_test_picture())
+    scene.add_light(screen, name="screen")
+    if shadowed:
+        shade = ml.Material((0.5, 0.5, 0.5))
+        turned = trimesh.transformations.rotation_matrix(0.5, (0, 1, 0), (-0.8, 0, -0.5))
+        turned = turned @ trimesh.transformations.translation_matrix((-0.8, 0.35, -0.5))
+        scene.add_mesh(
+            trimesh.creation.box((0.5, 0.7, 0.5)),
+            name="box",
+            material=shade,
+            transform=turned,
+            shading="flat",
+        )
+        ball = trimesh.creation.icosphere(subdivisions=4, radius=0.35)
+        lift = trimesh.transformations.translation_matrix((0.7, 0.42, -0.6))
+        scene.add_mesh(ball, name="ball", material=shade, transform=lift)
+    return scene, ml.Camera.look_at((0.2, 1.7, 3.0), (0.0, 0.0, 0.15), fov_y=46, width=size, height=size)
+
+
+def _test_picture() -> Any:
+    """36 × 20 texels, no two corners alike: (20, 36, 3) float64."""
+    y, x = np.mgrid[:20, :36]
+    picture = np.stack([0.3 + 0.02 * x, 0.2 + 0.03 * y, 0.9 - 0.02 * x], axis=-1)
+    picture[:, 4:7] = (14.0, 12.0, 9.0)
+    picture[3:6, 10:22] = (2.0, 9.0, 3.0)
+    picture[(x - 28) ** 2 + (y - 6) ** 2 < 20] = (16.0, 4.0, 1.5)
+    picture[14:, 18:] *= 0.1
+    picture[15:18, 30:34] = (3.0, 6.0, 18.0)
+    return picture
+
+
+def _glossy(shininess: float, shadowed: bool) -> Stored:
+    return Stored(lambda: glossy_floor(shininess, shadowed), 32768)
+
+
 def _claim(name: str) -> Stored:
     """One of the scenes that the claims about direct light are held against."""
     claim = CLAIMS[name]
@@ -135,6 +181,8 @@ STORED = {
     "one_bounce": Stored(one_light, 8192, 3, "total"),
     "one_bounce_indirect": Stored(one_light, 8192, 3, "indirect"),
     "four_bounces_indirect": Stored(one_light, 4096, 6, "indirect"),
+    **{f"glossy_floor_{n}": _glossy(n, shadowed=False) for n in SHININESS},
+    **{f"glossy_shadowed_{n}": _glossy(n, shadowed=True) for n in SHININESS},
     "dragon_two": _claim("dragon_two"),
     "dragon_card": _claim("dragon_card"),
     "ribbon_video": _claim("ribbon_video"),

@@ -16,6 +16,9 @@ F_e)(1 − F_i) /
                                         (1 − ρ_d F_i), F the mean Fresnel reflectances of the coat; its gloss
                                         is reported
 ``conductor``, ``roughconductor``       diffuse, of the reflectance at normal incidence; its gloss is reported
+``miplight_phong``                      our own plugin (`miplight.mitsuba.phong`): diffuse, of its
+                                        ``diffuse_reflectance``, and specular, of its ``specular_reflectance``
+                                        (a colour) and ``shininess``
 ``principled``                          diffuse, of the base colour; the rest is reported
 ``dielectric``, ``thindielectric``, …   the surface is left out, so that light passes, and reported
 ``twosided``, ``bumpmap``, ``mask``, …  what is inside; the rest is reported. Here all surfaces reflect on
@@ -40,6 +43,7 @@ from collections.abc import Callable
 from typing import TYPE_CHECKING, Any
 
 from miplight.errors import SceneError
+from miplight.mitsuba import plugins
 from miplight.mitsuba.variant import activate
 
 from .lights import add_area_light, add_spot
@@ -84,6 +88,7 @@ def load(source: str | os.PathLike[str] | dict[str, Any], *, strict: bool = True
 
     # the scalar variant loads everywhere, and nothing is rendered here
     with activate("scalar_rgb") as mi:
+        plugins.register(mi)
         document = Document.parse(mi, source, parameters)
         scene = Scene()
         refused: list[str] = []

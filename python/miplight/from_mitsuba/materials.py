@@ -1,4 +1,4 @@
-"""Mitsuba BSDFs as diffuse materials; Mitsuba itself resolves presets, spectra and images."""
+"""Mitsuba BSDFs as materials, diffuse but for our own Phong; it resolves presets, spectra and images."""
 
 from __future__ import annotations
 
@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from miplight.color import srgb_to_linear
 from miplight.errors import SceneError
 from miplight.material import Material
+from miplight.mitsuba.phong import DEFAULT_SHININESS, PHONG
 
 from .nodes import Document, Node
 
@@ -29,7 +30,7 @@ _ONE_SIDED = "reflects on both sides here, on its front alone in the file"
 
 @dataclasses.dataclass
 class Surface:
-    """What a BSDF becomes: a diffuse material, notes on what was changed, or nothing at all."""
+    """What a BSDF becomes: a material, notes on what was changed, or nothing at all."""
 
     material: Material = dataclasses.field(default_factory=Material)
     notes: list[str] = dataclasses.field(default_factory=list)
@@ -40,7 +41,9 @@ class Surface:
     @property
     def is_black(self) -> bool:
         """Whether it reflects nothing."""
-        return not self.color_attribute and not self.material.albedo.any()
+        if self.color_attribute:
+            return False
+        return not self.material.albedo.any() and not self.material.specular.any()
 
 
 def surface_of(document: Document, shape: Node) -> Surface:
@@ -49,7 +52,7 @@ def surface_of(document: Document, shape: Node) -> Surface:
     Raises
     ------
     SceneError
-        For a BSDF that has no diffuse counterpart.
+        For a BSDF that has no counterpart.
     """
     bsdfs = shape.children("BSDF")
     if not bsdfs:
@@ -81,6 +84,18 @@ def surface_of(document: Document, shape: Node) -> Surface:
 
 def _diffuse(document: Document, node: Node) -> Surface:
     return _read(document, node, "reflectance")
+
+
+def _phong(document: Document, node: Node) -> Surface:
+    """Take back what `to_dict` writes for a material with a specular part."""
+    surface = _read(document, node, "diffuse_reflectance")
+    specular = _parameters(document, node).get("specular_reflectance.value")
+    if specular is None:
+        raise SceneError(f"specular_reflectance of {PHONG!r} is a texture; allowed: a colour")
+    lobe = np.broadcast_to(np.asarray(specular, dtype=np.float32), 3)
+    shininess = float(node.get("shininess", DEFAULT_SHININESS))
+    surface.material = surface.material.replace(specular=lobe, shininess=shininess)
+    return surface
 
 
 def _plastic(document: Document, node: Node) -> Surface:
@@ -125,6 +140,7 @@ _CONVERT = {
     "conductor": _conductor,
     "roughconductor": _conductor,
     "principled": _principled,
+    PHONG: _phong,
 }
 
 

@@ -38,6 +38,9 @@ class Estimator:
     camera : Camera
     anchor : (3,) float64
         What was subtracted from the scene's positions.
+    beyond : mitsuba.Scene
+        What is met after the first surface: `scene` itself, or the same shapes and lights with diffuse
+        materials.
     max_depth : int
     part : {"total", "direct", "indirect"}
     pixel : {"center", "box"}
@@ -48,6 +51,7 @@ class Estimator:
     scene: Any
     camera: Camera
     anchor: NDArray[np.float64]
+    beyond: Any
     max_depth: int
     part: Part
     pixel: Pixel
@@ -55,9 +59,14 @@ class Estimator:
 
     def __post_init__(self) -> None:
         self._is_scalar = self.mi.variant().startswith("scalar")
+        # two scenes cannot share a path: direct light from the one, the rest from the other
+        self._splits = self.part == "total" and self.max_depth > 2 and self.beyond is not self.scene
+        depth = 2 if self.part == "direct" or self._splits else self.max_depth
+        # Lights and materials are sampled alike: no outliers next to a light or in a narrow lobe
+        self._integrator = self.mi.load_dict(integrator_dict(depth, weighted=True))
         # the light that a bounce brings is a path one segment shorter, seen from the first surface
-        depth = {"total": self.max_depth, "direct": 2, "indirect": self.max_depth - 1}[self.part]
-        self._integrator = self.mi.load_dict(_weighted(depth))
+        onward = integrator_dict(max(2, self.max_depth - 1), weighted=True)
+        self._onward = self.mi.load_dict(onward)
 
     def run(self, spp: int, seed: int) -> NDArray[np.float64]:
         """Take `spp` samples of every pixel.
@@ -127,7 +136,7 @@ class Estimator:
         value = self._integrator.sample(self.scene, sampler, ray)[0]
         if self.part == "direct":
             value = dr.select(self._meets_light(ray), mi.Color3f(0.0), value)
-        return value
+        return value + self._bounced(sampler, ray) if self._splits else value
 
     def _bounced(self, sampler: Any, ray: Any) -> Any:
         """Light that reaches the eye by way of at least one more surface than direct light does.
@@ -146,7 +155,7 @@ class Estimator:
         numbers = sampler.next_1d(active), sampler.next_2d(active)
         sample, weight = si.bsdf(ray).sample(mi.BSDFContext(), si, *numbers, active)
         onward = mi.RayDifferential3f(si.spawn_ray(si.to_world(sample.wo)))
-        value = self._integrator.sample(self.scene, sampler, onward, None, active)[0]
+        value = self._onward.sample(self.beyond, sampler, onward, None, active)[0]
         value = dr.select(self._meets_light(onward), mi.Color3f(0.0), value)
         return dr.select(active, weight * value, mi.Color3f(0.0))
 
@@ -175,11 +184,3 @@ class Estimator:
             mi.Point3f(*(constant(v) for v in origin)), dr.normalize(x * right + y * up - backward)
         )
         return mi.RayDifferential3f(ray)
-
-
-def _weighted(max_depth: int) -> dict[str, Any]:
-    """Return an integrator that samples lights and materials alike and weights the two.
-
-    It has the same expected value as light sampling alone, without the outliers next to a light.
-    """
-    return {"type": "direct"} if max_depth == 2 else integrator_dict(max_depth)

@@ -1,6 +1,7 @@
 """A miplight scene as a Mitsuba scene dictionary: the same triangles, normals, texels and lights.
 
-Materials are `twosided` diffuse. A visible area light is a rectangle with a black surface; a two-sided one is
+Materials are `twosided` diffuse, or `twosided` Phong (`miplight.mitsuba.phong`) where they have a specular
+part. A visible area light is a rectangle with a black surface; a two-sided one is
 two of them a hair apart; an invisible one and any pinhole that Mitsuba's own sensor cannot express are
 plugins of ours (`miplight.mitsuba.plugins`).
 """
@@ -17,7 +18,7 @@ from numpy.typing import ArrayLike, NDArray
 from miplight.errors import SceneError
 from miplight.light import AreaLight
 from miplight.spot import SpotLight
-from miplight.validate import as_choice, as_count, as_vector
+from miplight.validate import as_bool, as_choice, as_count, as_vector
 
 from . import plugins, variant
 from .meshes import mesh_object, world_positions
@@ -26,7 +27,7 @@ if TYPE_CHECKING:
     from miplight.camera import Camera
     from miplight.scene import Scene
 
-__all__ = ["Pixel", "scene_bounds", "to_dict"]
+__all__ = ["Pixel", "integrator_dict", "is_glossy", "scene_bounds", "to_dict"]
 
 Pixel: TypeAlias = Literal["center", "box"]
 
@@ -48,6 +49,7 @@ def to_dict(
     pixel: Pixel = "box",
     integrator: dict[str, Any] | None = None,
     anchor: ArrayLike | None = None,
+    specular: bool = True,
 ) -> dict[str, Any]:
     """Describe a scene for ``mitsuba.load_dict``.
 
@@ -60,7 +62,10 @@ def to_dict(
     camera : Camera or None, default None
         None leaves the sensor out.
     max_depth : int, default 2
-        2 is direct light (Mitsuba's `direct`, light sampling only), 3 or more `path` with that many segments.
+        2 is direct light (Mitsuba's `direct`: light sampling only, or lights and materials by multiple
+        importance sampling where a material has a specular part), 3 or more `path` with that many segments.
+        `path` reflects by the whole material at every hit; `reference` can leave the specular part to the
+        first one.
     spp : int, default 64
         Samples a pixel that the sensor's sampler is set to.
     sampler : str, default "independent"
@@ -72,6 +77,8 @@ def to_dict(
         Replaces the integrator that `max_depth` picks.
     anchor : array_like, (3,), or None
         Subtracted from all positions in float64, for scenes far from the origin.
+    specular : bool, default True
+        False leaves out the specular parts: all materials are diffuse, of the same albedo.
 
     Returns
     -------
@@ -90,12 +97,13 @@ def to_dict(
     samples = as_count(spp, "spp")
     mi = _active_rgb()
     plugins.register(mi)
+    weighted = as_bool(specular, "specular") and is_glossy(scene)
     origin = np.zeros(3) if anchor is None else as_vector(anchor, "anchor")
-    result: dict[str, Any] = {"type": "scene", "integrator": integrator or integrator_dict(depth)}
+    result: dict[str, Any] = {"type": "scene", "integrator": integrator or integrator_dict(depth, weighted)}
     if camera is not None:
         result["sensor"] = _sensor(mi, scene, camera, samples, sampler, pixel, origin)
     for index, (name, mesh) in enumerate(scene.meshes.items()):
-        shape = mesh_object(mi, name, mesh, origin)
+        shape = mesh_object(mi, name, mesh, origin, specular)
         if shape is not None:
             result[f"mesh{index}_{_safe(name)}"] = shape
     for index, (name, light) in enumerate(scene.lights.items()):
@@ -104,11 +112,20 @@ def to_dict(
     return result
 
 
-def integrator_dict(max_depth: int) -> dict[str, Any]:
-    """Pick light sampling alone for direct light, the path tracer without roulette for more."""
+def integrator_dict(max_depth: int, weighted: bool) -> dict[str, Any]:
+    """Pick `direct` for direct light, the path tracer without roulette for more.
+
+    `weighted` samples lights and materials alike and weights the two, as the path tracer always does; else
+    direct light samples the lights alone. The expected value is the same.
+    """
     if max_depth == 2:
-        return {"type": "direct", "emitter_samples": 1, "bsdf_samples": 0}
+        return {"type": "direct", "emitter_samples": 1, "bsdf_samples": int(weighted)}
     return {"type": "path", "max_depth": max_depth, "rr_depth": max_depth + 1}
+
+
+def is_glossy(scene: Scene) -> bool:
+    """Whether any material has a specular part."""
+    return any(bool(mesh.material.specular.any()) for mesh in scene.meshes.values())
 
 
 def scene_bounds(scene: Scene) -> NDArray[np.float64]:

@@ -25,7 +25,9 @@ def world_positions(mesh: MeshInstance) -> NDArray[np.float64]:
     return positions
 
 
-def mesh_object(mi: Any, name: str, mesh: MeshInstance, anchor: NDArray[np.float64]) -> Any | None:
+def mesh_object(
+    mi: Any, name: str, mesh: MeshInstance, anchor: NDArray[np.float64], specular: bool = True
+) -> Any | None:
     """Build the shape.
 
     Parameters
@@ -37,6 +39,8 @@ def mesh_object(mi: Any, name: str, mesh: MeshInstance, anchor: NDArray[np.float
         Triangles with a vertex that is not finite are left out, as the renderer leaves them.
     anchor : (3,) float64
         Subtracted from all positions.
+    specular : bool, default True
+        False leaves out the material's Phong lobe.
 
     Returns
     -------
@@ -51,7 +55,7 @@ def mesh_object(mi: Any, name: str, mesh: MeshInstance, anchor: NDArray[np.float
     used, faces = np.unique(kept, return_inverse=True)
     smooth = mesh.shading == "smooth" and mesh.normals is not None
     props = mi.Properties()
-    props["mesh_bsdf"] = mi.load_dict(_bsdf(mi, mesh.material, mesh.colors is not None))
+    props["mesh_bsdf"] = mi.load_dict(_bsdf(mi, mesh.material, mesh.colors is not None, specular))
     if not smooth:
         props["face_normals"] = True
     shape = mi.Mesh(
@@ -98,7 +102,7 @@ def _vertex_albedo(mesh: MeshInstance) -> NDArray[np.float32]:
     return colors * albedo if albedo.ndim == 1 else colors
 
 
-def _bsdf(mi: Any, material: Material, colored: bool) -> dict[str, Any]:
+def _bsdf(mi: Any, material: Material, colored: bool, specular: bool) -> dict[str, Any]:
     attribute = {"type": "mesh_attribute", "name": _COLOR}
     if not material.is_textured:
         constant = {"type": "rgb", "value": [float(c) for c in material.albedo]}
@@ -112,4 +116,12 @@ def _bsdf(mi: Any, material: Material, colored: bool) -> dict[str, Any]:
             "wrap_mode": "repeat",
         }
         reflectance = {"type": plugins.PRODUCT, "first": image, "second": attribute} if colored else image
-    return {"type": "twosided", "bsdf": {"type": "diffuse", "reflectance": reflectance}}
+    if not (specular and material.specular.any()):
+        return {"type": "twosided", "bsdf": {"type": "diffuse", "reflectance": reflectance}}
+    lobe = {
+        "type": plugins.PHONG,
+        "diffuse_reflectance": reflectance,
+        "specular_reflectance": {"type": "rgb", "value": [float(c) for c in material.specular]},
+        "shininess": material.shininess,
+    }
+    return {"type": "twosided", "bsdf": lobe}

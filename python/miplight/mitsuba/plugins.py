@@ -1,8 +1,9 @@
-"""Three plugins that Mitsuba lacks and an exact translation of a miplight scene needs.
+"""Plugins that Mitsuba lacks and an exact translation of a miplight scene needs.
 
 ``miplight_invisible_light``   a parallelogram that lights and is no surface (``AreaLight(visible=False)``)
 ``miplight_product``           the product of two textures (a base-colour image times vertex colours)
 ``miplight_pinhole``           any pinhole (fx, fy, cx, cy), each sample at its pixel's centre if asked to
+``miplight_phong``             the energy-normalised Phong material (`miplight.mitsuba.phong`)
 
 They are written against Mitsuba's public Python interface and work in every RGB variant.
 """
@@ -11,7 +12,9 @@ from __future__ import annotations
 
 from typing import Any
 
-__all__ = ["INVISIBLE_LIGHT", "PINHOLE", "PRODUCT", "register"]
+from .phong import PHONG, phong
+
+__all__ = ["INVISIBLE_LIGHT", "PHONG", "PINHOLE", "PRODUCT", "register"]
 
 INVISIBLE_LIGHT = "miplight_invisible_light"
 PINHOLE = "miplight_pinhole"
@@ -28,6 +31,7 @@ def register(mi: Any) -> None:
     mi.register_emitter(INVISIBLE_LIGHT, _invisible_light(mi))
     mi.register_texture(PRODUCT, _product(mi))
     mi.register_sensor(PINHOLE, _pinhole(mi))
+    mi.register_bsdf(PHONG, phong(mi))
     _registered.add(variant)
 
 
