@@ -8,6 +8,7 @@ use crate::passes::lights::light_samples::{self, LightSamples};
 use crate::passes::refine::nodes::{Level, Nodes, NodesParams};
 use crate::passes::refine::pyramid::Texels;
 use crate::passes::refine::{incremental, one_pass};
+use crate::passes::visibility::occlusion::Occlusion;
 use crate::passes::visibility::reuse::{MOST_WORDS, Reuse};
 use crate::passes::{Context, GBuffer, upsample};
 
@@ -36,7 +37,7 @@ struct Work<'g> {
     texels: Texels,
     state: Buffer<u32>,
     params: NodesParams,
-    traced: bool,
+    occlusion: Occlusion,
 }
 
 /// Direct irradiance of every pixel from that of its fragment and its neighbours.
@@ -58,8 +59,8 @@ pub fn record(context: &mut Context<'_, '_>, gbuffer: &GBuffer) -> Result<Direct
         pad1: 0,
         pad2: 0,
     };
-    let traced = !context.settings.is("visibility", "none");
-    let work = Work { gbuffer, lights, texels, state, params, traced };
+    let occlusion = Occlusion::record(context, &lights)?;
+    let work = Work { gbuffer, lights, texels, state, params, occlusion };
     let pyramid = work.texels.pyramid;
     let mut nodes = Nodes::new(context, pyramid)?;
     let mut mean = None;
@@ -105,7 +106,7 @@ impl Work<'_> {
         }
         context.recorder.clear_from(&nodes.irradiance, level.first)?;
         for light in &self.lights {
-            let bits = if self.traced { Some(self.ask(context, nodes, level, light, kept)?) } else { None };
+            let bits = if self.occlusion.asks() { Some(self.ask(context, nodes, level, light, kept)?) } else { None };
             interleaved::record(context, nodes, level, light, bits.as_ref())?;
             let last = level.level == nodes.pyramid.finest;
             if let (Some(bits), Some(least), false) = (&bits, least_bits(context, light), last) {
@@ -137,9 +138,9 @@ impl Work<'_> {
         let asked = context.resources.buffer("asked", words * end)?;
         let reuse = Reuse { nodes, level, light, bits: &bits, asked: &asked };
         reuse.ask(context)?;
-        let (shadow, tracer) = (light.shadow_light(), context.tracer);
-        let range = level.first..end;
-        context.rays += tracer.shadow_asked(context.recorder, "shadow", &nodes.receivers, &shadow, &asked, range)?;
+        let (shadow, receivers) = (light.shadow_light(), &nodes.receivers);
+        let (stage, range) = (self.occlusion.stage(), level.first..end);
+        self.occlusion.ask(context, stage, receivers, &shadow, &asked, range, true)?;
         reuse.answer(context)?;
         Ok(bits)
     }
@@ -158,7 +159,7 @@ impl Work<'_> {
         let why = "every pixel is culled or sees nothing";
         let passes = ["direct/reuse", "direct/shadow", "direct/interleaved"];
         let empty = if count == 0 { passes.map(|pass| (pass, why)).to_vec() } else { Vec::new() };
-        let bits = if self.traced { self.kept_bits(context, &nodes)? } else { Vec::new() };
+        let bits = if self.occlusion.asks() { self.kept_bits(context, &nodes)? } else { Vec::new() };
         Ok(Direct { irradiance, active, samples, levels, empty, looked: Some(Looked { nodes, bits }) })
     }
 }
