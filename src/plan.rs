@@ -17,6 +17,8 @@ pub struct SceneFacts {
     pub spot_lights: usize,
     /// Area lights that emit a picture.
     pub pictures: usize,
+    /// Meshes with a specular part.
+    pub specular: usize,
 }
 
 impl SceneFacts {
@@ -36,6 +38,7 @@ impl SceneFacts {
                 .iter()
                 .filter(|l| emits(&l.radiance) && matches!(l.radiance, Radiance::Textured(_)))
                 .count(),
+            specular: snapshot.instances.iter().filter(|i| i.is_specular()).count(),
         }
     }
 }
@@ -92,6 +95,8 @@ pub const BILATERAL: &str = "direct/bilateral";
 pub const TEXTURED_SHARE: &str = "direct/textured_share";
 /// Exact unshadowed light times the share that is seen.
 pub const IRRADIANCE: &str = "direct/irradiance";
+/// What the lobes of surfaces reflect of the lights.
+pub const SPECULAR: &str = "direct/specular";
 /// Passes of indirect light.
 pub const INDIRECT: [&str; 5] =
     ["indirect/gather_rays", "indirect/trace", "indirect/gather_hits", "indirect/shadow", "indirect/gather_sum"];
@@ -133,6 +138,8 @@ pub fn plan(facts: SceneFacts, settings: &Settings, valid: Valid) -> Plan {
     let direct = settings.is("direct", "off").then_some("direct is off").or(no_surface).or(no_light);
     plan.add_direct(facts, settings, direct);
     plan.add_adaptive(facts, settings, direct);
+    let matt = (facts.specular == 0).then_some("no material has a specular part");
+    plan.add(&[SPECULAR], direct.or(settings.is("specular", "off").then_some("specular is off")).or(matt));
 
     let indirect = settings.is("indirect", "off").then_some("indirect is off").or(no_surface).or(no_light);
     plan.add(&INDIRECT, indirect);
@@ -194,7 +201,7 @@ impl Plan {
             self.add(&[pass], direct.or(pixels).or(other));
         }
         let to_the_pixels = (settings.int("finest_level") == 0).then_some("finest_level is 0");
-        self.add(&[BILATERAL], direct.or(other).or(to_the_pixels));
+        self.add(&[BILATERAL, SPECULAR], direct.or(other).or(to_the_pixels));
     }
 
     /// Tiles, cells, penumbrae.
@@ -225,7 +232,8 @@ mod tests {
     use super::*;
     use crate::settings::Value;
 
-    const ROOM: SceneFacts = SceneFacts { meshes: 2, visible_lights: 1, area_lights: 1, spot_lights: 0, pictures: 0 };
+    const ROOM: SceneFacts =
+        SceneFacts { meshes: 2, visible_lights: 1, area_lights: 1, spot_lights: 0, pictures: 0, specular: 0 };
 
     fn settings(changes: &[(&'static str, &str)]) -> Settings {
         Settings::new(changes.iter().map(|(n, v)| (*n, Value::Text((*v).to_owned())))).unwrap()

@@ -20,7 +20,7 @@ use crate::passes::visibility::placed::PlacedScene;
 use crate::passes::visibility::trace::{Form, Tracer};
 use crate::passes::{Context, GBuffer, View, gather, indirect};
 use crate::plan::{
-    COMPOSITE, DIRECT, DOWNSAMPLE, FRAGMENTS, GEOMETRY, INDIRECT, IRRADIANCE, Plan, SceneFacts, Valid, plan,
+    COMPOSITE, DIRECT, DOWNSAMPLE, FRAGMENTS, GEOMETRY, INDIRECT, IRRADIANCE, Plan, SPECULAR, SceneFacts, Valid, plan,
 };
 use crate::scene::camera::Camera;
 use crate::scene::prepare::Prepared;
@@ -278,7 +278,7 @@ impl State {
         let gbuffer = gbuffer::buffers(&mut context)?;
         context.scoped("geometry", |context| geometry(context, plan, &gbuffer))?;
         let direct = match [DIRECT[1], FRAGMENTS[1], IRRADIANCE].iter().any(|pass| plan.runs(pass)) {
-            true => Some(context.scoped("direct", |context| gather::record(context, &gbuffer))?),
+            true => Some(context.scoped("direct", |context| gather::record(context, &gbuffer, plan.runs(SPECULAR)))?),
             false => None,
         };
         let indirect = match plan.runs(INDIRECT[0]) {
@@ -286,8 +286,9 @@ impl State {
             false => None,
         };
         let images = context.scoped("composite", |context| {
+            let specular = direct.as_ref().and_then(|d| d.specular.as_ref());
             let direct = direct.as_ref().map(|d| &d.irradiance);
-            let images = composite::record(context, &gbuffer, direct, indirect.as_ref())?;
+            let images = composite::record(context, &gbuffer, direct, indirect.as_ref(), specular)?;
             let factor = settings.int("supersample");
             if plan.runs(DOWNSAMPLE) { downsample::record(context, images, factor) } else { Ok(images) }
         })?;

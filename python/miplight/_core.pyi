@@ -62,6 +62,7 @@ class Instance:
         albedo: tuple[float, float, float],
         texture: Texture | None = None,
         vertex_colors: bool = False,
+        lobe: tuple[float, float, float, float] = (0.0, 0.0, 0.0, 0.0),
     ) -> Instance: ...
 
 @final

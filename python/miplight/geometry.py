@@ -219,6 +219,7 @@ class MeshInstance:
                 self.material._core_albedo(),
                 self.material._core_texture(),
                 self.use_colors,
+                self.material._core_lobe(),
             )
         instance: _core.Instance = self._cache["core"]
         return instance

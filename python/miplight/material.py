@@ -20,7 +20,7 @@ DEFAULT_ALBEDO = (0.5, 0.5, 0.5)
 
 
 class Material:
-    """A diffuse surface, later with a Phong lobe; immutable, and shared freely between meshes.
+    """A diffuse surface with or without a Phong lobe; immutable, and shared freely between meshes.
 
     It reflects on both sides: the shading normal is turned towards the viewer, as by Mitsuba's ``twosided``.
 
@@ -32,15 +32,16 @@ class Material:
         use ``ml.srgb_to_linear(uint8_image)``.
     specular : array_like of float, (3,), default (0, 0, 0)
         Reflectance of the energy-normalised Phong lobe specular·(n+2)/(2π)·cosⁿ(reflection, light);
-        albedo + specular must not exceed 1 in any channel. **Not available yet**: only zeros are accepted.
+        albedo + specular must not exceed 1 in any channel. The lobe lies about the mirror direction of the
+        view, on the shading normal. It reflects what comes straight from the lights; light that was reflected
+        before meets the diffuse part alone.
     shininess : float, default 32.0
         The lobe's exponent n, 0 or more.
 
     Raises
     ------
     SceneError
-        For a wrong shape, integers, values outside [0, 1] or not finite, albedo + specular above 1,
-        and for a specular part that is not zero.
+        For a wrong shape, integers, values outside [0, 1] or not finite, and for albedo + specular above 1.
 
     Examples
     --------
@@ -103,13 +104,17 @@ class Material:
         )
 
     def __hash__(self) -> int:
-        return hash((self._albedo.shape, self._albedo.ravel()[:3].tobytes(), self._shininess))
+        return hash((self._albedo.shape, self._albedo.ravel()[:3].tobytes(), self._specular.tobytes(), self._shininess))
 
     def __repr__(self) -> str:
         if self.is_textured:
             height, width, _ = self._albedo.shape
-            return f"Material(albedo=<{height}x{width} image>)"
-        return f"Material(albedo={format_vector(self._albedo)})"
+            albedo = f"<{height}x{width} image>"
+        else:
+            albedo = format_vector(self._albedo)
+        if not self._specular.any():
+            return f"Material(albedo={albedo})"
+        return f"Material(albedo={albedo}, specular={format_vector(self._specular)}, shininess={self._shininess:g})"
 
     def __reduce__(self) -> tuple[Any, ...]:
         return Material, (np.array(self._albedo), np.array(self._specular), self._shininess)
@@ -127,6 +132,11 @@ class Material:
 
             self._texture = _core.Texture(self._albedo)
         return self._texture
+
+    def _core_lobe(self) -> tuple[float, float, float, float]:
+        """Return the specular reflectance and the exponent of the lobe."""
+        red, green, blue = (float(c) for c in self._specular)
+        return (red, green, blue, float(self._shininess))
 
     def _core_albedo(self) -> tuple[float, float, float]:
         """Return the constant factor of the albedo: white where an image carries the colour."""

@@ -19,6 +19,8 @@ pub struct SceneBuffers {
     texels: Arena<[u32; 2]>,
     records: Vec<InstanceRecord>,
     instances: Option<Buffer<InstanceRecord>>,
+    lobe_rows: Vec<[f32; 4]>,
+    lobes: Option<Buffer<[f32; 4]>>,
     light_rows: Vec<[f32; 4]>,
     light_textures: Vec<u64>,
     lights: Option<Buffer<[f32; 4]>>,
@@ -69,6 +71,8 @@ impl SceneBuffers {
             texels: Arena::new("texels", "the scene's base-colour textures"),
             records: Vec::new(),
             instances: None,
+            lobe_rows: Vec::new(),
+            lobes: None,
             light_rows: Vec::new(),
             light_textures: Vec::new(),
             lights: None,
@@ -94,6 +98,9 @@ impl SceneBuffers {
         }
         if self.sync_instances(gpu, scene)? {
             sent.push("instances");
+        }
+        if self.sync_lobes(gpu, scene)? {
+            sent.push("lobes");
         }
         if self.sync_lights(gpu, scene)? {
             sent.push("lights");
@@ -126,6 +133,21 @@ impl SceneBuffers {
         }
         send(gpu, "instances", &mut self.instances, &records)?;
         self.records = records;
+        Ok(true)
+    }
+
+    /// A scene without a lobe has none on the device.
+    fn sync_lobes(&mut self, gpu: &Gpu, scene: &Prepared) -> Result<bool> {
+        let rows: Vec<[f32; 4]> = scene.placed.iter().map(|placed| placed.lobe).collect();
+        if rows.iter().all(|row| row[..3] == [0.0; 3]) {
+            (self.lobe_rows, self.lobes) = (Vec::new(), None);
+            return Ok(false);
+        }
+        if rows == self.lobe_rows {
+            return Ok(false);
+        }
+        send(gpu, "instance_lobes", &mut self.lobes, &rows)?;
+        self.lobe_rows = rows;
         Ok(true)
     }
 
@@ -168,6 +190,11 @@ impl SceneBuffers {
     /// Placed meshes and visible lights.
     pub fn instances(&self) -> Result<&Buffer<InstanceRecord>> {
         self.instances.as_ref().ok_or_else(|| Error::Device("the instances were never sent".to_owned()))
+    }
+
+    /// Specular reflectance and exponent of each instance.
+    pub fn lobes(&self) -> Result<&Buffer<[f32; 4]>> {
+        self.lobes.as_ref().ok_or_else(|| Error::Device("no instance has a lobe".to_owned()))
     }
 
     /// The lights' table.

@@ -154,9 +154,10 @@ pub(super) fn matrix(py: Python<'_>, what: &str, array: &Rows64<'_>) -> PyResult
 
 #[pymethods]
 impl PyInstance {
-    /// world_from_object (4, 4) float64; albedo three numbers in [0, 1], times the texture, times the vertex colours.
+    /// world_from_object (4, 4) float64; albedo three numbers in [0, 1], times the texture, times the vertex colours;
+    /// lobe the specular reflectance and the exponent of a Phong lobe.
     #[new]
-    #[pyo3(signature = (name, mesh, world_from_object, smooth, albedo, texture=None, vertex_colors=false))]
+    #[pyo3(signature = (name, mesh, world_from_object, smooth, albedo, texture=None, vertex_colors=false, lobe=[0.0; 4]))]
     #[allow(clippy::too_many_arguments, reason = "they are the fields of the instance, by keyword")]
     fn new(
         py: Python<'_>,
@@ -167,6 +168,7 @@ impl PyInstance {
         albedo: Triple,
         texture: Option<&PyTexture>,
         vertex_colors: bool,
+        lobe: [f32; 4],
     ) -> PyResult<Self> {
         Ok(Self(Instance {
             name,
@@ -176,6 +178,7 @@ impl PyInstance {
             albedo: albedo.0.as_vec3(),
             texture: texture.map(|t| Arc::clone(&t.0)),
             vertex_colors,
+            lobe,
         }))
     }
 }

@@ -81,6 +81,8 @@ pub struct Placed {
     pub texture: Option<Arc<Texture>>,
     /// All but the arena offsets.
     pub record: InstanceRecord,
+    /// Specular reflectance and exponent.
+    pub lobe: [f32; 4],
 }
 
 /// A snapshot in scene space.
@@ -175,6 +177,7 @@ fn place(instance: &Instance, anchor: DVec3) -> Placed {
         light: None,
         texture: instance.texture.clone(),
         record: record(scene_from_object, instance.albedo, flags),
+        lobe: instance.lobe,
     }
 }
 
@@ -188,7 +191,7 @@ fn place_light(light: &AreaLight, index: u32, anchor: DVec3) -> Placed {
     let scene_from_object = scene_from_object * DMat4::from_translation(mesh.origin);
     let mut record = record(scene_from_object, Vec3::ZERO, LIGHT);
     record.light = index;
-    Placed { mesh: Arc::clone(mesh), scene_from_object, light: Some(index), texture: None, record }
+    Placed { mesh: Arc::clone(mesh), scene_from_object, light: Some(index), texture: None, record, lobe: [0.0; 4] }
 }
 
 fn row(v: DVec3, w: f64) -> [f32; 4] {

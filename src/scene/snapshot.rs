@@ -26,9 +26,16 @@ pub struct Instance {
     pub texture: Option<Arc<Texture>>,
     /// Use the mesh's vertex colours.
     pub vertex_colors: bool,
+    /// Specular reflectance, linear RGB in [0, 1], and the exponent of its Phong lobe.
+    pub lobe: [f32; 4],
 }
 
 impl Instance {
+    /// Whether it reflects anything but diffusely.
+    pub fn is_specular(&self) -> bool {
+        self.lobe[..3].iter().any(|&channel| channel > 0.0)
+    }
+
     fn check(&self) -> Result<()> {
         let m = self.world_from_object;
         let last_row_fine = m.row(3) == glam::DVec4::W;

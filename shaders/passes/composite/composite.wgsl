@@ -1,4 +1,6 @@
-// Radiance towards the eye: emitted + albedo/pi (E_direct + E_indirect). In: G-buffer, irradiance. Out: three images.
+// Radiance towards the eye. In: G-buffer, irradiance, specular radiance. Out: three images.
+//   main      emitted + albedo/pi (E_direct + E_indirect)
+//   specular  adds what lobes reflect of the lights
 
 import package::common::basis::PI;
 import package::common::gbuffer::{FIRST_LIGHT, NOTHING, SURFACE, floats};
@@ -21,6 +23,7 @@ override PICTURES: bool = true;
 @group(0) @binding(2) var<storage, read> g_albedo: array<vec4u>;
 @group(0) @binding(3) var<storage, read> direct_irradiance: array<vec4f>;
 @group(0) @binding(4) var<storage, read> indirect_irradiance: array<vec4f>;
+@group(0) @binding(8) var<storage, read> specular_radiance: array<vec4f>;
 @group(0) @binding(5) var<storage, read_write> image: array<vec4f>;
 @group(0) @binding(6) var<storage, read_write> direct: array<vec4f>;
 @group(0) @binding(7) var<storage, read_write> indirect: array<vec4f>;
@@ -64,5 +67,19 @@ fn main(
     direct[i] = vec4f(out_direct, 1.0);
     if params.indirect != 0u {
         indirect[i] = vec4f(out_indirect, 1.0);
+    }
+}
+
+@compute @workgroup_size(64)
+fn specular(
+    @builtin(workgroup_id) group: vec3u,
+    @builtin(num_workgroups) groups: vec3u,
+    @builtin(local_invocation_index) lane: u32,
+) {
+    let i = item_index(grid, group, groups, 64u, lane);
+    if i < grid.end {
+        let reflected = vec4f(specular_radiance[i].xyz, 0.0);
+        image[i] += reflected;
+        direct[i] += reflected;
     }
 }

@@ -40,6 +40,7 @@ pub fn record(
     gbuffer: &GBuffer,
     direct: Option<&Buffer<[f32; 4]>>,
     indirect: Option<&Buffer<[f32; 4]>>,
+    specular: Option<&Buffer<[f32; 4]>>,
 ) -> Result<Images> {
     let pictures = f64::from(u8::from(!context.prepared.light_textures.is_empty()));
     let kernel = context.kernel_with("composite/composite", "main", &[("PICTURES", pictures)])?;
@@ -67,5 +68,10 @@ pub fn record(
         .bind("direct", &images.direct)
         .bind("indirect", images.indirect.as_ref().unwrap_or(&nowhere))
         .dispatch(pixels)?;
+    if let Some(specular) = specular {
+        let kernel = context.kernel("composite/composite", "specular")?;
+        let pass = context.recorder.pass("composite", &kernel).bind("specular_radiance", specular);
+        pass.bind("image", &images.image).bind("direct", &images.direct).dispatch(pixels)?;
+    }
     Ok(images)
 }

@@ -91,7 +91,7 @@ pub fn record(context: &mut Context<'_, '_>, gbuffer: &GBuffer) -> Result<Direct
     }
     levels.finish(context, gbuffer, &pixel_lights)?;
     let levels = Some([levels.level_map, levels.reason_map]);
-    Ok(Direct { irradiance, active, samples: 1, levels, empty: found.empty(), looked: None })
+    Ok(Direct { irradiance, active, samples: 1, levels, empty: found.empty(), specular: None, looked: None })
 }
 
 /// What the lists of all lights held together.

@@ -1,7 +1,7 @@
 //! Direct light of fragments: refine, gather at one point of each, upsample. Irradiance alone, so that albedo stays sharp.
 
 use super::gather::Gathered;
-use super::{Direct, chunk_len, fragment_receivers, shade};
+use super::{Direct, chunk_len, fragment_receivers, occluded, sum};
 use crate::error::Result;
 use crate::gpu::Buffer;
 use crate::passes::lights::light_samples;
@@ -36,7 +36,8 @@ pub fn record(context: &mut Context<'_, '_>, gbuffer: &GBuffer) -> Result<Direct
         for light in &samples {
             let (receivers, visibility, irradiance) = (&receivers, &visibility, &own);
             let work = Gathered { light, receivers, visibility, count: chunk, traced: words > 0, irradiance };
-            shade(context, &occlusion, &work)?;
+            occluded(context, &occlusion, &work)?;
+            sum(context, &work)?;
         }
         first += chunk;
     }
@@ -46,5 +47,5 @@ pub fn record(context: &mut Context<'_, '_>, gbuffer: &GBuffer) -> Result<Direct
     let levels = Some([fragments.level_map, fragments.reason_map]);
     let why = "every pixel is culled or sees nothing";
     let empty = if count == 0 { vec![("direct/fragment_receivers", why), ("direct/shadow", why)] } else { vec![] };
-    Ok(Direct { irradiance, active, samples, levels, empty, looked: None })
+    Ok(Direct { irradiance, active, samples, levels, empty, specular: None, looked: None })
 }

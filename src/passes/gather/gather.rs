@@ -38,6 +38,13 @@ pub struct Gathered<'g> {
     pub irradiance: &'g Buffer<[f32; 4]>,
 }
 
+impl Gathered<'_> {
+    /// Words of visibility a receiver, 0 where everything is seen.
+    pub(super) fn words(&self) -> u32 {
+        if self.traced { self.light.strata.div_ceil(32) } else { 0 }
+    }
+}
+
 /// Adds the irradiance of one light at each receiver, sample by sample.
 ///
 /// # Errors
@@ -50,8 +57,7 @@ pub fn record(context: &mut Context<'_, '_>, work: &Gathered<'_>) -> Result<()> 
 pub(super) fn record_as(context: &mut Context<'_, '_>, stem: &str, work: &Gathered<'_>) -> Result<()> {
     let kernel = context.kernel(&format!("gather/{stem}"), "main")?;
     let light = work.light;
-    let words = if work.traced { light.strata.div_ceil(32) } else { 0 };
-    let params = GatherParams { strata: light.strata, words, light: light.light, pad: 0 };
+    let params = GatherParams { strata: light.strata, words: work.words(), light: light.light, pad: 0 };
     context
         .recorder
         .pass(stem, &kernel)

@@ -12,6 +12,7 @@ pub mod levels;
 pub mod receivers;
 pub mod share;
 pub mod smooth_share;
+pub mod specular;
 pub mod textured_share;
 
 use self::gather::Gathered;
@@ -41,6 +42,8 @@ pub struct Direct {
     pub levels: Option<[Buffer<u32>; 2]>,
     /// Passes that had nothing to do, and why.
     pub empty: Vec<(&'static str, &'static str)>,
+    /// Radiance that lobes reflect, a pixel each, where some surface has one.
+    pub specular: Option<Buffer<[f32; 4]>>,
     /// What incremental refinement looked at.
     pub looked: Option<levels::Looked>,
 }
@@ -56,17 +59,30 @@ fn chunk_len(context: &Context<'_, '_>, strata: u32) -> usize {
 ///
 /// # Errors
 /// Those of the device; `Cancelled`.
-pub fn record(context: &mut Context<'_, '_>, gbuffer: &GBuffer) -> Result<Direct> {
-    if plan::is_adaptive(context.settings) {
-        return adaptive::record(context, gbuffer);
+pub fn record(context: &mut Context<'_, '_>, gbuffer: &GBuffer, specular: bool) -> Result<Direct> {
+    let mut direct = if plan::is_adaptive(context.settings) {
+        adaptive::record(context, gbuffer)?
+    } else if plan::is_incremental(context.settings) {
+        levels::record(context, gbuffer)?
+    } else if plan::has_fragments(context.settings) {
+        fragments::record(context, gbuffer)?
+    } else {
+        return pixels(context, gbuffer, true, specular);
+    };
+    if specular {
+        direct.specular = pixels(context, gbuffer, false, true)?.specular;
     }
-    if plan::is_incremental(context.settings) {
-        return levels::record(context, gbuffer);
-    }
-    if plan::has_fragments(context.settings) {
-        return fragments::record(context, gbuffer);
-    }
-    let irradiance = context.resources.buffer("direct_irradiance", context.view.pixels())?;
+    Ok(direct)
+}
+
+/// Every pixel for itself: the diffuse part, the lobe's, or both from the same visibility.
+fn pixels(context: &mut Context<'_, '_>, gbuffer: &GBuffer, diffuse: bool, specular: bool) -> Result<Direct> {
+    let name = if diffuse { "direct_irradiance" } else { "no_irradiance" };
+    let irradiance = context.resources.buffer(name, if diffuse { context.view.pixels() } else { 1 })?;
+    let specular = match specular {
+        true => Some(specular::target(context)?),
+        false => None,
+    };
     let active = context.resources.buffer("active_receivers", 1)?;
     context.recorder.clear(&irradiance)?;
     context.recorder.clear(&active)?;
@@ -84,21 +100,33 @@ pub fn record(context: &mut Context<'_, '_>, gbuffer: &GBuffer) -> Result<Direct
         for light in &samples {
             let (receivers, visibility, irradiance) = (&receivers, &visibility, &irradiance);
             let work = Gathered { light, receivers, visibility, count, traced: words > 0, irradiance };
-            shade(context, &occlusion, &work)?;
+            occluded(context, &occlusion, &work)?;
+            if diffuse {
+                sum(context, &work)?;
+            }
+            if let Some(specular) = &specular {
+                specular::record(context, gbuffer, &work, specular)?;
+            }
         }
         first += count;
     }
     let samples = samples.iter().map(|s| u64::from(s.strata)).sum();
-    Ok(Direct { irradiance, active, samples, levels: None, empty: Vec::new(), looked: None })
+    Ok(Direct { irradiance, active, samples, levels: None, empty: Vec::new(), specular, looked: None })
 }
 
-fn shade(context: &mut Context<'_, '_>, occlusion: &Occlusion, work: &Gathered<'_>) -> Result<()> {
+/// Which samples of a light the receivers see.
+fn occluded(context: &mut Context<'_, '_>, occlusion: &Occlusion, work: &Gathered<'_>) -> Result<()> {
     let light = work.light;
     if work.traced {
         let (asked, range) = (light.shadow_light(), 0..work.count);
         occlusion.ask(context, occlusion.stage(), work.receivers, &asked, work.visibility, range, false)?;
     }
-    if light.is_area() && context.settings.is("direct_estimator", "ratio") {
+    Ok(())
+}
+
+/// What they make of them.
+fn sum(context: &mut Context<'_, '_>, work: &Gathered<'_>) -> Result<()> {
+    if work.light.is_area() && context.settings.is("direct_estimator", "ratio") {
         gather_ratio::record(context, work)
     } else {
         gather::record(context, work)

@@ -3,8 +3,8 @@ use std::ops::Range;
 
 use super::Receiver;
 use super::shadow::ShadowLight;
-use super::voxelize::{self, VoxelGrid};
 use super::voxel_shadow;
+use super::voxelize::{self, VoxelGrid};
 use crate::error::{Error, Result};
 use crate::gpu::{Buffer, Gpu};
 use crate::passes::Context;
@@ -110,7 +110,9 @@ impl Occlusion {
                     false => tracer.shadow(context.recorder, stage, receivers, light, bits, range)?,
                 };
             }
-            Self::Voxel(grid) => voxel_shadow::record(context, stage, grid, &Asked { receivers, light, bits, range, some })?,
+            Self::Voxel(grid) => {
+                voxel_shadow::record(context, stage, grid, &Asked { receivers, light, bits, range, some })?
+            }
         }
         Ok(())
     }
