@@ -60,9 +60,9 @@ class Instance:
         world_from_object: NDArray[np.float64],
         smooth: bool,
         albedo: tuple[float, float, float],
-        texture: Texture | None = None,
-        vertex_colors: bool = False,
-        lobe: tuple[float, float, float, float] = (0.0, 0.0, 0.0, 0.0),
+        texture: Texture | None,
+        vertex_colors: bool,
+        lobe: tuple[float, float, float, float],
     ) -> Instance: ...
 
 @final

@@ -157,7 +157,7 @@ impl PyInstance {
     /// world_from_object (4, 4) float64; albedo three numbers in [0, 1], times the texture, times the vertex colours;
     /// lobe the specular reflectance and the exponent of a Phong lobe.
     #[new]
-    #[pyo3(signature = (name, mesh, world_from_object, smooth, albedo, texture=None, vertex_colors=false, lobe=[0.0; 4]))]
+    #[pyo3(signature = (name, mesh, world_from_object, smooth, albedo, texture, vertex_colors, lobe))]
     #[allow(clippy::too_many_arguments, reason = "they are the fields of the instance, by keyword")]
     fn new(
         py: Python<'_>,

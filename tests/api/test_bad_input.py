@@ -88,7 +88,7 @@ CASES: dict[str, tuple[Callable[[], object], list[str]]] = {
         lambda: ml.Scene().add_mesh(trimesh.creation.box(), material=ml.Material(np.ones((2, 2, 3)))),
         ["UV"],
     ),
-    "specular": (lambda: ml.Material(specular=(0.1, 0.1, 0.1)), ["specular", "not available yet"]),
+    "specular": (lambda: ml.Material(specular=(0.1, 0.1)), ["specular", "3 finite floats"]),
 }
 
 

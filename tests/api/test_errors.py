@@ -36,7 +36,6 @@ def test_what_is_not_there_yet_says_so() -> None:
         lambda: ml.Settings.preset("area-2016"),
         lambda: ml.Settings(indirect="splat"),
         lambda: ml.Settings(budget_ms=10),
-        lambda: ml.Material(specular=(0.1, 0.1, 0.1)),
         lambda: ml.study.sweep(None, None, {}),
         lambda: ml.study.pareto(None),
         lambda: ml.study.plot(None),
@@ -66,7 +65,13 @@ def test_the_core_checks_what_the_face_would_have_checked() -> None:
         lambda: _core.Texture(np.full((2, 2, 3), np.nan, np.float32)),
         lambda: _core.Texture(np.zeros((2, 2, 4), np.float32)),
         lambda: _core.Snapshot(
-            [_core.Instance("x", _box(), np.zeros((4, 4)), False, (0.5, 0.5, 0.5), None, False)], [], []
+            [
+                _core.Instance(
+                    "x", _box(), np.zeros((4, 4)), False, (0.5, 0.5, 0.5), None, False, (0, 0, 0, 1)
+                )
+            ],
+            [],
+            [],
         ),
         lambda: _core.Snapshot(
             [], [_core.AreaLight("x", (0, 0, 0), (0, 0, 0), (0, 0, 1), (1, 1, 1), False, True, False)], []

@@ -56,9 +56,11 @@ def test_bad_albedo(albedo: Any) -> None:
         ml.Material(albedo)
 
 
-def test_specular_is_checked_and_not_available_yet() -> None:
-    with pytest.raises(ml.SceneError, match="not available yet"):
-        ml.Material((0.5, 0.5, 0.5), specular=(0.2, 0.2, 0.2))
+def test_specular_is_checked() -> None:
+    glossy = ml.Material((0.5, 0.5, 0.5), specular=(0.2, 0.3, 0.25), shininess=50)
+    assert repr(glossy) == "Material(albedo=(0.5, 0.5, 0.5), specular=(0.2, 0.3, 0.25), shininess=50)"
+    assert glossy._core_lobe() == pytest.approx((0.2, 0.3, 0.25, 50))
+    assert pickle.loads(pickle.dumps(glossy)) == glossy != ml.Material((0.5, 0.5, 0.5))
     with pytest.raises(ml.SceneError, match=r"albedo \+ specular.*at most 1"):
         ml.Material((0.9, 0.9, 0.9), specular=(0.2, 0.0, 0.0))
     with pytest.raises(ml.SceneError, match="specular is"):

@@ -115,3 +115,19 @@ def test_lights_show_their_radiance_on_the_lit_side(runner: Runner, rng: np.rand
         flipped = Area(light.corner, light.v, light.u, light.radiance, light.two_sided, light.linear)
         other[mine] = np.where(expected[mine].any(axis=1)[:, None], flipped.emitted(seen[mine, 1::-1]), 0)
     assert_not_within(out["image"][:, :3], other, 2e-5)
+
+
+def test_what_lobes_reflect_is_added_to_image_and_direct(runner: Runner, rng: np.random.Generator) -> None:
+    image, direct, reflected = rng.lognormal(0, 2, (3, 200, 4)).astype(np.float32)
+    out = runner(
+        "passes/composite/composite",
+        200,
+        entry="specular",
+        specular_radiance=reflected,
+        image=image,
+        direct=direct,
+    )
+    for name, before in (("image", image), ("direct", direct)):
+        found = read(out, name, np.float32, 200, 4)
+        assert (found[:, :3] == (before + reflected)[:, :3]).all()
+        assert (found[:, 3] == before[:, 3]).all()

@@ -66,7 +66,7 @@ def facing_up(origins: Array, points: Array, radiance: Array) -> Case:
     return Case(receivers, points.reshape(1, -1, 3), radiance, None)
 
 
-def _bits(seen: NDArray[np.bool_]) -> NDArray[np.uint32]:
+def visibility_words(seen: NDArray[np.bool_]) -> NDArray[np.uint32]:
     """Visibility as words: bit k % 32 of word k / 32 is sample k."""
     padded = np.pad(seen, ((0, 0), (0, -seen.shape[1] % 32)))
     return np.packbits(padded, axis=1, bitorder="little").view("<u4")
@@ -88,7 +88,7 @@ def gather(
         count,
         params=record(GATHER, strata=case.strata, words=words, light=number),
         receivers=case.receivers,
-        visibility=np.zeros(1, np.uint32) if case.seen is None else _bits(case.seen),
+        visibility=np.zeros(1, np.uint32) if case.seen is None else visibility_words(case.seen),
         light_points=np.pad(case.points, ((0, 0), (0, 0), (0, 1))).astype(np.float32),
         light_radiance=np.pad(case.radiance, ((0, 0), (0, 1))).astype(np.float32),
         lights=table(lights),
