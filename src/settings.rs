@@ -235,7 +235,13 @@ pub const SPECS: &[Spec] = &[
     Spec {
         unit: "voxels",
         nullable: false,
-        ..threshold("voxel_bias", 1.5, "How far a marched ray starts off its surface.", "[NPW10 Sec. 4.3]")
+        ..threshold(
+            "voxel_bias",
+            1.0,
+            "How far a marched ray starts off its surface, and ends off the light's; a voxel is as wide as it is along \
+             the normal.",
+            "[NPW10 Sec. 4.3]",
+        )
     },
     Spec {
         unit: "of the image",
