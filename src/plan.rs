@@ -64,6 +64,10 @@ pub const GEOMETRY: [&str; 3] = ["geometry/primary_rays", "geometry/trace", "geo
 /// Passes of direct light.
 pub const DIRECT: [&str; 5] =
     ["direct/light_samples", "direct/receivers", "direct/shadow", "direct/gather", "direct/gather_ratio"];
+/// Passes of occlusion by voxels: before any receiver, and for each list of them.
+pub const VOXELS: [&str; 2] = ["direct/voxelize", "direct/voxel_shadow"];
+/// Passes of occlusion by shadow maps; the last for each list of receivers.
+pub const MAPS: [&str; 3] = ["direct/map_rays", "direct/map_trace", "direct/map_shadow"];
 /// Passes of direct light where shadows decide what is worth a ray.
 pub const ADAPTIVE: [&str; 15] = [
     "direct/light_bounds",
@@ -169,12 +173,37 @@ pub fn has_fragments(settings: &Settings) -> bool {
     !settings.is("refine", "none") && !settings.is("direct_estimator", "ratio")
 }
 
+/// Why occlusion is not found by `kind`.
+fn other_visibility(settings: &Settings, kind: &str) -> Option<&'static str> {
+    let reasons = [
+        ("none", "visibility is none"),
+        ("ray", "visibility is ray"),
+        ("voxel", "visibility is voxel"),
+        ("shadow-map", "visibility is shadow-map"),
+    ];
+    reasons.into_iter().find(|(name, _)| *name != kind && settings.is("visibility", name)).map(|(_, reason)| reason)
+}
+
 impl Plan {
+    /// What is made once for all that ask whether they see a light sample.
+    pub fn add_prepared_occlusion(&mut self, settings: &Settings, skip: Option<&'static str>) {
+        self.add(&VOXELS[..1], skip.or(other_visibility(settings, "voxel")));
+        self.add(&MAPS[..2], skip.or(other_visibility(settings, "shadow-map")));
+    }
+
+    /// Those who ask it.
+    pub fn add_occlusion(&mut self, settings: &Settings, skip: Option<&'static str>) {
+        self.add(&DIRECT[2..3], skip.or(other_visibility(settings, "ray")));
+        self.add(&VOXELS[1..], skip.or(other_visibility(settings, "voxel")));
+        self.add(&MAPS[2..], skip.or(other_visibility(settings, "shadow-map")));
+    }
+
     /// Every pixel for itself, or every fragment.
     fn add_direct(&mut self, facts: SceneFacts, settings: &Settings, direct: Option<&'static str>) {
         let no_area = (facts.area_lights == 0).then_some("no area light emits anything");
         self.add(&DIRECT[..1], direct.or(no_area));
         let adaptive = is_adaptive(settings).then_some("shadows decide what is worth a ray: refine is not none");
+        self.add_prepared_occlusion(settings, direct.or(adaptive));
         let fragments = has_fragments(settings).then_some("fragments are shaded: refine is not none");
         let pixels = (!has_fragments(settings)).then_some("every pixel is shaded, or shadows decide what is");
         self.add(&DIRECT[1..2], direct.or(adaptive).or(fragments));
@@ -188,7 +217,7 @@ impl Plan {
         let unshadowed = settings.is("visibility", "none").then_some("visibility is none");
         self.add(&INCREMENTAL[..1], direct.or(other));
         self.add(&INCREMENTAL[1..2], direct.or(other).or(unshadowed));
-        self.add(&DIRECT[2..3], direct.or(adaptive).or(unshadowed));
+        self.add_occlusion(settings, direct.or(adaptive));
         self.add(&INCREMENTAL[2..], direct.or(other));
         let ratio = settings.is("direct_estimator", "ratio");
         let no_sum =
@@ -201,7 +230,7 @@ impl Plan {
             self.add(&[pass], direct.or(pixels).or(other));
         }
         let to_the_pixels = (settings.int("finest_level") == 0).then_some("finest_level is 0");
-        self.add(&[BILATERAL, SPECULAR], direct.or(other).or(to_the_pixels));
+        self.add(&[BILATERAL], direct.or(other).or(to_the_pixels));
     }
 
     /// Tiles, cells, penumbrae.
@@ -252,7 +281,9 @@ mod tests {
             &FRAGMENTS,
             &INCREMENTAL,
             &UPSAMPLE,
-            &[TEXTURED_SHARE, IRRADIANCE, BILATERAL],
+            &VOXELS,
+            &MAPS,
+            &[TEXTURED_SHARE, IRRADIANCE, BILATERAL, SPECULAR],
             &INDIRECT,
             &[COMPOSITE, DOWNSAMPLE],
         ]
@@ -264,6 +295,8 @@ mod tests {
                     ("indirect", "final-gather"),
                     ("direct", "off"),
                     ("visibility", "none"),
+                    ("visibility", "voxel"),
+                    ("visibility", "shadow-map"),
                     ("direct_estimator", "ratio"),
                 ] {
                     for refine in ["none", "one-pass", "incremental"] {
@@ -287,6 +320,18 @@ mod tests {
         let spots = SceneFacts { area_lights: 0, spot_lights: 1, ..ROOM };
         let chain = plan(spots, &adaptive, Valid::default());
         assert!(chain.runs("direct/cell_shadow") && !chain.runs("direct/zone_shadow") && chain.runs(IRRADIANCE));
+    }
+
+    #[test]
+    fn occlusion_is_found_in_one_way() {
+        for (kind, runs) in [("none", ""), ("ray", "shadow"), ("voxel", "voxel_shadow"), ("shadow-map", "map_shadow")] {
+            let plan = plan(ROOM, &settings(&[("visibility", kind)]), Valid::default());
+            let all = [DIRECT[2], VOXELS[0], VOXELS[1], MAPS[0], MAPS[1], MAPS[2]];
+            let asked: Vec<_> = all.into_iter().filter(|pass| plan.runs(pass)).collect();
+            assert!(asked.iter().all(|pass| asked.len() <= 3 && pass.starts_with("direct/")));
+            assert_eq!(asked.last().map_or("", |pass| &pass[7..]), runs);
+            assert_eq!(plan.runs(VOXELS[0]), kind == "voxel");
+        }
     }
 
     #[test]

@@ -139,7 +139,7 @@ impl Renderer {
         self.gpu.check()?;
         snapshot.check()?;
         camera.check()?;
-        occlusion::check(settings, camera, &self.gpu)?;
+        occlusion::check(snapshot, camera, settings, &self.gpu)?;
         let factor = u64::from(settings.int("supersample"));
         let pixels = u64::from(camera.width) * u64::from(camera.height) * factor * factor;
         let largest = self.gpu.limits().max_storage_buffer_binding_size.min(self.gpu.limits().max_buffer_size) / 16;

@@ -231,11 +231,17 @@ pub const SPECS: &[Spec] = &[
         "How a ray goes through the voxels: in equal steps, each of which looks at several slices, or voxel by voxel.",
         "[NPW10 Sec. 3.3.1]",
     ),
-    int("voxel_steps", [2, 1024], 32, "Steps of a ray through the voxels; `voxel_march` uniform only.", "[NPW10]"),
+    int("voxel_steps", [2, 1024], 48, "Steps of a ray through the voxels; `voxel_march` uniform only.", "[NPW10]"),
     Spec {
         unit: "voxels",
         nullable: false,
-        ..threshold("voxel_bias", 1.5, "How far a marched ray starts off its surface.", "[NPW10 Sec. 4.3]")
+        ..threshold(
+            "voxel_bias",
+            1.0,
+            "How far a marched ray starts off its surface, and ends off the light's; a voxel is as wide as it is along \
+             the normal.",
+            "[NPW10 Sec. 4.3]",
+        )
     },
     Spec {
         unit: "of the image",

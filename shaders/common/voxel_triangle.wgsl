@@ -2,8 +2,8 @@
 
 import package::common::voxels::{Voxels, cell_at, cell_place};
 
-// Cells are this much wider, so that rounding leaves no crack between neighbours.
-const CRACK: f32 = 0.001;
+// Share by which a triangle is wider than it is, so that rounding leaves no crack between neighbours.
+const CRACK: f32 = 1e-5;
 
 // Corners along the camera's axes, normals of the planes through the eye and each edge, and the cells to look at.
 struct Triangle {
@@ -33,7 +33,8 @@ fn eye_triangle(voxels: Voxels, corner: array<vec3f, 3>) -> Triangle {
     for (var i = 0u; i < 3u; i++) {
         let p = t.corner[i];
         let e = t.corner[(i + 1u) % 3u] - p;
-        t.side[(i + 2u) % 3u] = cross(p, t.corner[(i + 1u) % 3u]);
+        // By the edge, which is exact where the corners are near each other.
+        t.side[(i + 2u) % 3u] = cross(p, e);
         let range = clip(vec2f(0.0, 1.0), p.z - voxels.near, e.z);
         if range.x <= range.y {
             // Exactly in front, so that no rounding turns a place over.
@@ -45,19 +46,37 @@ fn eye_triangle(voxels: Voxels, corner: array<vec3f, 3>) -> Triangle {
             hi = max(hi, max(start, end));
         }
     }
-    t.volume = dot(t.corner[0], t.side[0]);
+    t.volume = dot(t.corner[0] - t.corner[1], t.side[0]);
     let size = vec2f(f32(voxels.columns), f32(voxels.rows));
-    t.empty = !(all(hi >= vec2f(0.0)) && all(lo <= size));
-    t.lo = cell_at(voxels, clamp(lo - CRACK, vec2f(0.0), size));
-    t.hi = cell_at(voxels, clamp(hi + CRACK, vec2f(0.0), size));
+    // Cells whose middles the bounds hold, and a little more.
+    lo = floor(lo + 0.499);
+    hi = floor(hi - 0.499);
+    t.empty = !(all(hi >= vec2f(0.0)) && all(lo < size) && all(lo <= hi));
+    t.lo = cell_at(voxels, clamp(lo, vec2f(0.0), size));
+    t.hi = cell_at(voxels, clamp(hi, vec2f(0.0), size));
     return t;
 }
 
-// Least and largest depth of the triangle inside a cell; the first above the second where it is not there.
+// Weights of the corners where a ray from the eye, (x, y, 1) along the camera's axes, meets the triangle's plane; not
+// normalised: depth = |volume| / their sum.
+fn weights_at(t: Triangle, ray: vec3f) -> vec3f {
+    return vec3f(dot(t.side[0], ray), dot(t.side[1], ray), dot(t.side[2], ray)) * sign(t.volume);
+}
+
+// Least and largest depth inside a cell of a triangle that covers the cell's middle; the first above the second where it
+// does not.
 fn depths_in(voxels: Voxels, t: Triangle, cell: vec2u) -> vec2f {
-    let lo = vec2f(cell) - CRACK - voxels.center;
-    let hi = vec2f(cell) + 1.0 + CRACK - voxels.center;
-    var depths = vec2f(1e30, -1e30);
+    let lo = vec2f(cell) - voxels.center;
+    let hi = lo + 1.0;
+    let at_middle = weights_at(t, vec3f((lo + 0.5) / voxels.scale, 1.0));
+    let weight = at_middle.x + at_middle.y + at_middle.z;
+    if !(weight > 0.0) || any(at_middle < vec3f(-CRACK * weight)) {
+        return vec2f(1.0, 0.0);
+    }
+    let nearest = min(t.corner[0].z, min(t.corner[1].z, t.corner[2].z));
+    let farthest = max(t.corner[0].z, max(t.corner[1].z, t.corner[2].z));
+    let middle = clamp(abs(t.volume) / weight, nearest, farthest);
+    var depths = vec2f(middle);
     for (var i = 0u; i < 3u; i++) {
         let p = t.corner[i];
         let e = t.corner[(i + 1u) % 3u] - p;
@@ -73,14 +92,13 @@ fn depths_in(voxels: Voxels, t: Triangle, cell: vec2u) -> vec2f {
             depths = vec2f(min(depths.x, min(ends.x, ends.y)), max(depths.y, max(ends.x, ends.y)));
         }
     }
-    // Where a corner of the cell looks through the triangle: depth = volume / sum of the three weights.
+    // Where a corner of the cell looks through the triangle.
     for (var i = 0u; i < 4u; i++) {
         let place = vec2f(select(lo.x, hi.x, (i & 1u) != 0u), select(lo.y, hi.y, (i & 2u) != 0u));
-        let ray = vec3f(place / voxels.scale, 1.0);
-        let weights = vec3f(dot(t.side[0], ray), dot(t.side[1], ray), dot(t.side[2], ray)) * sign(t.volume);
+        let weights = weights_at(t, vec3f(place / voxels.scale, 1.0));
         let sum = weights.x + weights.y + weights.z;
         if all(weights >= vec3f(0.0)) && sum > 0.0 {
-            let depth = abs(t.volume) / sum;
+            let depth = clamp(abs(t.volume) / sum, nearest, farthest);
             depths = vec2f(min(depths.x, depth), max(depths.y, depth));
         }
     }

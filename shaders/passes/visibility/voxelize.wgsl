@@ -1,5 +1,5 @@
-// Voxelize: every voxel that a triangle passes through [NPW10 Sec. 3.3; Deviation: exact, where rasterisation marks a
-// cell whose middle is covered; wires thinner than a cell are not lost].
+// Voxelize: in each cell whose middle a triangle covers, the slices that it passes through there [NPW10 Sec. 3.3;
+// Deviation: all slices of the triangle inside the cell, where a rasterised fragment has one depth].
 // In     geometry, instances; first_triangles, for each instance the number of triangles before it; lists from
 //        `params.first` on
 // Out    bits: set, never cleared

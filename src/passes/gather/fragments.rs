@@ -16,6 +16,7 @@ use crate::passes::{Context, GBuffer, upsample};
 /// Those of the device; `Settings` for levels in the wrong order; `Cancelled`.
 pub fn record(context: &mut Context<'_, '_>, gbuffer: &GBuffer) -> Result<Direct> {
     let samples = light_samples::record(context)?;
+    let occlusion = Occlusion::record(context, &samples)?;
     let listed = one_pass::record(context, gbuffer)?;
     let arguments = &listed.arguments;
     let count = context.recorder.host("fragment_list", |gpu, _| Ok(gpu.read(arguments)?[3] as usize))?;
@@ -24,7 +25,6 @@ pub fn record(context: &mut Context<'_, '_>, gbuffer: &GBuffer) -> Result<Direct
     let own: Buffer<[f32; 4]> = context.resources.buffer("fragment_irradiance", count)?;
     context.recorder.clear(&own)?;
     let most = samples.iter().map(|s| s.strata).max().unwrap_or(1);
-    let occlusion = Occlusion::record(context, &samples)?;
     let words = if occlusion.asks() { most.div_ceil(32) as usize } else { 0 };
     let len = chunk_len(context, most).min(count);
     let receivers: Buffer<Receiver> = context.resources.buffer("receivers", len)?;
@@ -46,6 +46,6 @@ pub fn record(context: &mut Context<'_, '_>, gbuffer: &GBuffer) -> Result<Direct
     let samples = samples.iter().map(|s| u64::from(s.strata)).sum();
     let levels = Some([fragments.level_map, fragments.reason_map]);
     let why = "every pixel is culled or sees nothing";
-    let empty = if count == 0 { vec![("direct/fragment_receivers", why), ("direct/shadow", why)] } else { vec![] };
+    let empty = if count == 0 { vec![("direct/fragment_receivers", why), (occlusion.pass(), why)] } else { vec![] };
     Ok(Direct { irradiance, active, samples, levels, empty, specular: None, looked: None })
 }

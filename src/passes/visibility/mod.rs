@@ -1,5 +1,7 @@
 //! Rays are lists: one pass writes them, the trace answers, the next pass reads the answers.
 
+pub mod map_rays;
+pub mod map_shadow;
 mod native;
 pub mod occlusion;
 pub mod placed;

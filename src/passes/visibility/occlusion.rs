@@ -2,6 +2,8 @@
 use std::ops::Range;
 
 use super::Receiver;
+use super::map_rays::{self, ShadowMaps};
+use super::map_shadow;
 use super::shadow::ShadowLight;
 use super::voxel_shadow;
 use super::voxelize::{self, VoxelGrid};
@@ -11,6 +13,7 @@ use crate::passes::Context;
 use crate::passes::lights::light_samples::LightSamples;
 use crate::plan;
 use crate::scene::camera::Camera;
+use crate::scene::snapshot::Snapshot;
 use crate::settings::Settings;
 
 /// Answers which samples are seen; made once a frame, after the light samples.
@@ -21,6 +24,8 @@ pub enum Occlusion {
     Ray,
     /// Marches through voxels of the view.
     Voxel(VoxelGrid),
+    /// Looks into a shadow map of each light sample.
+    Maps(ShadowMaps),
 }
 
 /// A question to whatever answers: see [`Occlusion::ask`].
@@ -41,7 +46,7 @@ pub struct Asked<'q> {
 ///
 /// # Errors
 /// `Settings`.
-pub fn check(settings: &Settings, camera: &Camera, gpu: &Gpu) -> Result<()> {
+pub fn check(snapshot: &Snapshot, camera: &Camera, settings: &Settings, gpu: &Gpu) -> Result<()> {
     let most = gpu.limits().max_storage_buffer_binding_size;
     let coarse = ["voxel", "shadow-map"].into_iter().find(|kind| settings.is("visibility", kind));
     match coarse {
@@ -50,7 +55,8 @@ pub fn check(settings: &Settings, camera: &Camera, gpu: &Gpu) -> Result<()> {
              width of penumbrae, is true of rays alone; allowed: visibility \"ray\" or \"none\", or refine \"none\""
         ))),
         Some("voxel") => voxelize::check(settings, camera, most),
-        _ => Ok(()),
+        Some(_) => map_rays::check(settings, snapshot, most),
+        None => Ok(()),
     }
 }
 
@@ -59,13 +65,16 @@ impl Occlusion {
     ///
     /// # Errors
     /// Those of the device; `Cancelled`.
-    pub fn record(context: &mut Context<'_, '_>, _samples: &[LightSamples]) -> Result<Self> {
+    pub fn record(context: &mut Context<'_, '_>, samples: &[LightSamples]) -> Result<Self> {
         let is = |kind: &str| context.settings.is("visibility", kind);
         if is("none") {
             return Ok(Self::None);
         }
         if is("voxel") {
             return Ok(Self::Voxel(voxelize::record(context)?));
+        }
+        if is("shadow-map") {
+            return Ok(Self::Maps(map_rays::record(context, samples)?));
         }
         Ok(Self::Ray)
     }
@@ -80,6 +89,16 @@ impl Occlusion {
         match self {
             Self::None | Self::Ray => "shadow",
             Self::Voxel(_) => "voxel_shadow",
+            Self::Maps(_) => "map_shadow",
+        }
+    }
+
+    /// Name in the plan of the pass that asks.
+    pub fn pass(&self) -> &'static str {
+        match self {
+            Self::None | Self::Ray => plan::DIRECT[2],
+            Self::Voxel(_) => plan::VOXELS[1],
+            Self::Maps(_) => plan::MAPS[2],
         }
     }
 
@@ -111,7 +130,10 @@ impl Occlusion {
                 };
             }
             Self::Voxel(grid) => {
-                voxel_shadow::record(context, stage, grid, &Asked { receivers, light, bits, range, some })?
+                voxel_shadow::record(context, stage, grid, &Asked { receivers, light, bits, range, some })?;
+            }
+            Self::Maps(maps) => {
+                map_shadow::record(context, stage, maps, &Asked { receivers, light, bits, range, some })?;
             }
         }
         Ok(())
