@@ -9,6 +9,7 @@ pub mod indirect;
 pub mod lights;
 pub mod refine;
 pub mod scene_buffers;
+pub mod specular;
 pub mod upsample;
 pub mod visibility;
 

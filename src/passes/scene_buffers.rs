@@ -24,6 +24,8 @@ pub struct SceneBuffers {
     light_rows: Vec<[f32; 4]>,
     light_textures: Vec<u64>,
     lights: Option<Buffer<[f32; 4]>>,
+    /// Of lights with a picture, where a surface has a lobe: the picture's number, and its sums.
+    light_sums: BTreeMap<usize, (u64, Buffer<[f32; 4]>)>,
 }
 
 /// Rows that the lights' table can name.
@@ -76,6 +78,7 @@ impl SceneBuffers {
             light_rows: Vec::new(),
             light_textures: Vec::new(),
             lights: None,
+            light_sums: BTreeMap::new(),
         }
     }
 
@@ -105,6 +108,7 @@ impl SceneBuffers {
         if self.sync_lights(gpu, scene)? {
             sent.push("lights");
         }
+        self.sync_sums(gpu, scene)?;
         Ok(sent)
     }
 
@@ -149,6 +153,28 @@ impl SceneBuffers {
         send(gpu, "instance_lobes", &mut self.lobes, &rows)?;
         self.lobe_rows = rows;
         Ok(true)
+    }
+
+    /// Written in place where the size is the same; only a scene with lobes needs them.
+    fn sync_sums(&mut self, gpu: &Gpu, scene: &Prepared) -> Result<()> {
+        let wanted = |light: &usize| self.lobes.is_some() && scene.light_textures.contains_key(light);
+        self.light_sums.retain(|light, _| wanted(light));
+        for (&light, texture) in scene.light_textures.iter().filter(|_| self.lobes.is_some()) {
+            if self.light_sums.get(&light).is_some_and(|(id, _)| *id == texture.id) {
+                continue;
+            }
+            let mut buffer = self.light_sums.remove(&light).map(|(_, buffer)| buffer);
+            send(gpu, "light_sums", &mut buffer, &texture.sums())?;
+            if let Some(buffer) = buffer {
+                self.light_sums.insert(light, (texture.id, buffer));
+            }
+        }
+        Ok(())
+    }
+
+    /// Sums over the picture of a light, see [`Texture::sums`].
+    pub fn light_sums(&self, light: usize) -> Option<&Buffer<[f32; 4]>> {
+        self.light_sums.get(&light).map(|(_, buffer)| buffer)
     }
 
     /// Radiance and texels are written in place, which is no rebuild; `true` when the table was made anew or a light

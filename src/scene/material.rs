@@ -35,6 +35,25 @@ impl Texture {
         Ok(Self { id: next_id(), width, height, texels })
     }
 
+    /// At each corner of the texels, (height + 1) rows of width + 1 from the bottom of the picture on: the sum of what lies
+    /// left of and below it, less the mean of the whole picture [Cro84].
+    pub fn sums(&self) -> Vec<[f32; 4]> {
+        let (width, height) = (self.width as usize, self.height as usize);
+        let mean = self.mean().as_dvec3();
+        let mut sums = vec![[0.0; 4]; (width + 1) * (height + 1)];
+        let mut below = vec![glam::DVec3::ZERO; width + 1];
+        for row in 0..height {
+            let texels = &self.texels[(height - 1 - row) * width..][..width];
+            let mut left = glam::DVec3::ZERO;
+            for column in 0..width {
+                left += Vec3::from(texels[column]).as_dvec3() - mean;
+                below[column + 1] += left;
+                sums[(row + 1) * (width + 1) + column + 1] = below[column + 1].as_vec3().extend(0.0).to_array();
+            }
+        }
+        sums
+    }
+
     /// The mean over all texels.
     pub fn mean(&self) -> Vec3 {
         let mut sum = glam::DVec3::ZERO;

@@ -60,7 +60,7 @@ fn count<const N: usize>(context: &mut Context<'_, '_>, mut lists: [List; N]) ->
 ///
 /// # Errors
 /// Those of the device; `Cancelled`.
-pub fn record(context: &mut Context<'_, '_>, gbuffer: &GBuffer) -> Result<Direct> {
+pub fn record(context: &mut Context<'_, '_>, gbuffer: &GBuffer, keep: bool) -> Result<Direct> {
     let finest = context.settings.int("finest_level");
     if finest > FINEST {
         return Err(Error::Settings(format!(
@@ -76,6 +76,7 @@ pub fn record(context: &mut Context<'_, '_>, gbuffer: &GBuffer) -> Result<Direct
     context.recorder.clear(&pixel_lights)?;
     context.recorder.clear(&active)?;
     let mut found = Found::default();
+    let mut proven = vec![None; context.prepared.lights];
     let mut levels = Levels::new(context, gbuffer, context.view.tiled as usize / TILE_PIXELS as usize)?;
     for light in 0..context.prepared.lights {
         let row = context.prepared.light_rows[light * LIGHT_ROWS + RADIANCE_ROW];
@@ -86,12 +87,18 @@ pub fn record(context: &mut Context<'_, '_>, gbuffer: &GBuffer) -> Result<Direct
         let tiles = light_bounds::record(context, gbuffer, &frame, light as u32, &pixel_lights, &active)?;
         let work = Light::new(context, gbuffer, frame, tiles, light)?;
         let share = work.visible_share(context, &mut found)?;
+        if keep {
+            let name = format!("proven_tiles/{light}");
+            let copy = context.resources.buffer(&name, work.tiles.count)?;
+            context.recorder.copy(&work.tiles.flags, &copy, work.tiles.count)?;
+            proven[light] = Some(copy);
+        }
         levels.add(context, gbuffer, &pixel_lights, &work.cells, !work.light.is_area())?;
         work.shade(context, &share, &irradiance)?;
     }
     levels.finish(context, gbuffer, &pixel_lights)?;
     let levels = Some([levels.level_map, levels.reason_map]);
-    Ok(Direct { irradiance, active, samples: 1, levels, empty: found.empty(), specular: None, looked: None })
+    Ok(Direct { irradiance, active, samples: 1, levels, empty: found.empty(), specular: None, proven, looked: None })
 }
 
 /// What the lists of all lights held together.

@@ -44,6 +44,8 @@ pub struct Direct {
     pub empty: Vec<(&'static str, &'static str)>,
     /// Radiance that lobes reflect, a pixel each, where some surface has one.
     pub specular: Option<Buffer<[f32; 4]>>,
+    /// For each light what is proven of each tile, where lobes want to know.
+    pub proven: Vec<Option<Buffer<u32>>>,
     /// What incremental refinement looked at.
     pub looked: Option<levels::Looked>,
 }
@@ -61,32 +63,57 @@ fn chunk_len(context: &Context<'_, '_>, strata: u32) -> usize {
 /// Those of the device; `Cancelled`.
 pub fn record(context: &mut Context<'_, '_>, gbuffer: &GBuffer, specular: bool) -> Result<Direct> {
     let mut direct = if plan::is_adaptive(context.settings) {
-        adaptive::record(context, gbuffer)?
+        adaptive::record(context, gbuffer, specular)?
     } else if plan::is_incremental(context.settings) {
         levels::record(context, gbuffer)?
     } else if plan::has_fragments(context.settings) {
         fragments::record(context, gbuffer)?
     } else {
-        return pixels(context, gbuffer, true, specular);
+        let irradiance = context.resources.buffer("direct_irradiance", context.view.pixels())?;
+        let together = specular && !context.settings.is("direct_estimator", "ratio");
+        let target = if together { Some(specular::target(context)?) } else { None };
+        let mut direct = pixels(context, gbuffer, Some(&irradiance), target.as_ref(), 0)?;
+        direct.specular = target;
+        if together {
+            return Ok(direct);
+        }
+        direct
     };
     if specular {
-        direct.specular = pixels(context, gbuffer, false, true)?.specular;
+        direct.specular = Some(lobes(context, gbuffer, &direct.proven)?);
     }
     Ok(direct)
 }
 
-/// Every pixel for itself: the diffuse part, the lobe's, or both from the same visibility.
-fn pixels(context: &mut Context<'_, '_>, gbuffer: &GBuffer, diffuse: bool, specular: bool) -> Result<Direct> {
-    let name = if diffuse { "direct_irradiance" } else { "no_irradiance" };
-    let irradiance = context.resources.buffer(name, if diffuse { context.view.pixels() } else { 1 })?;
-    let specular = match specular {
-        true => Some(specular::target(context)?),
-        false => None,
-    };
-    let active = context.resources.buffer("active_receivers", 1)?;
+/// What lobes reflect: of area lights by their integral where `direct_estimator` is ratio, else sample by sample.
+fn lobes(context: &mut Context<'_, '_>, gbuffer: &GBuffer, proven: &[Option<Buffer<u32>>]) -> Result<Buffer<[f32; 4]>> {
+    let ratio = context.settings.is("direct_estimator", "ratio");
+    let first = if ratio { context.prepared.area_lights } else { 0 };
+    let target = specular::target(context)?;
+    if first < context.prepared.lights {
+        pixels(context, gbuffer, None, Some(&target), first)?;
+    }
+    if ratio {
+        crate::passes::specular::record(context, gbuffer, proven, &target)?;
+    }
+    Ok(target)
+}
+
+/// Every pixel for itself, lights from number `first` on: the diffuse part, the lobe's, or both from the same visibility.
+fn pixels(
+    context: &mut Context<'_, '_>,
+    gbuffer: &GBuffer,
+    diffuse: Option<&Buffer<[f32; 4]>>,
+    specular: Option<&Buffer<[f32; 4]>>,
+    first_light: usize,
+) -> Result<Direct> {
+    let nowhere = context.resources.buffer("no_irradiance", 1)?;
+    let irradiance = diffuse.unwrap_or(&nowhere).clone();
+    let counter = if diffuse.is_some() { "active_receivers" } else { "lobe_receivers" };
+    let active = context.resources.buffer(counter, 1)?;
     context.recorder.clear(&irradiance)?;
     context.recorder.clear(&active)?;
-    let samples = light_samples::record(context)?;
+    let samples = light_samples::record(context)?.split_off(first_light);
     let most = samples.iter().map(|s| s.strata).max().unwrap_or(1);
     let occlusion = Occlusion::record(context, &samples)?;
     let words = if occlusion.asks() { most.div_ceil(32) as usize } else { 0 };
@@ -101,17 +128,17 @@ fn pixels(context: &mut Context<'_, '_>, gbuffer: &GBuffer, diffuse: bool, specu
             let (receivers, visibility, irradiance) = (&receivers, &visibility, &irradiance);
             let work = Gathered { light, receivers, visibility, count, traced: words > 0, irradiance };
             occluded(context, &occlusion, &work)?;
-            if diffuse {
+            if diffuse.is_some() {
                 sum(context, &work)?;
             }
-            if let Some(specular) = &specular {
+            if let Some(specular) = specular {
                 specular::record(context, gbuffer, &work, specular)?;
             }
         }
         first += count;
     }
     let samples = samples.iter().map(|s| u64::from(s.strata)).sum();
-    Ok(Direct { irradiance, active, samples, levels: None, empty: Vec::new(), specular, looked: None })
+    Ok(Direct { irradiance, active, samples, levels: None, empty: Vec::new(), specular: None, proven: Vec::new(), looked: None })
 }
 
 /// Which samples of a light the receivers see.
