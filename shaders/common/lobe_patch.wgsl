@@ -4,7 +4,6 @@
 
 import package::common::gbuffer::floats;
 import package::common::lobe::{lobe, mirrored};
-import package::common::random::random4;
 
 struct LobeLight {
     corner: vec3f,      // scene space
@@ -135,41 +134,29 @@ fn integrand(at: Glossy, ab: vec2f) -> f32 {
     return select(0.0, lobe(at.mirror, w, at.n) * cos_s * cos_l / d2 * source.area, seen);
 }
 
-// Stratum k of the patch, equal in the drawn coordinates: its ends, the place of its sample, and what that adds.
-struct Stratum {
-    lo: vec2f,
-    hi: vec2f,
-    sample: vec2f,
-    weight: f32,
+// A whole axis of the patch: both halves, one after the other, as their turns are long.
+struct Axis {
+    below: Half,
+    above: Half,
 }
 
-// Along a whole axis the two halves follow each other, as their turns are long; t in [0, 1].
-fn along(below: Half, above: Half, t: f32) -> vec2f {
-    let whole = below.turn + above.turn;
-    let turn = t * whole - below.turn;
-    var half = above;
-    if turn < 0.0 {
-        half = below;
-    }
+fn axis_of(found: Patch, axis: u32) -> Axis {
+    return Axis(
+        half_of(found.peak[axis], found.lo[axis], found.scale[axis]),
+        half_of(found.peak[axis], found.hi[axis], found.scale[axis]),
+    );
+}
+
+// Place and derivative at t in [0, 1].
+fn along(axis: Axis, t: f32) -> vec2f {
+    let whole = axis.below.turn + axis.above.turn;
+    let turn = t * whole - axis.below.turn;
+    let left = turn < 0.0;
+    let half = Half(
+        axis.below.from_,
+        select(axis.above.scale, axis.below.scale, left),
+        select(axis.above.turn, axis.below.turn, left),
+    );
     let put = place(half, abs(turn) / max(half.turn, 1e-20));
     return vec2f(put.x, put.y * whole / max(half.turn, 1e-20));
-}
-
-fn stratum_of(at: Glossy, found: Patch, pixel: u32, k: u32) -> Stratum {
-    let jitter = random4(vec4u(pixel, k, source.light, source.seed ^ 0x9e3779b9u)).xy;
-    let cell = vec2f(f32(k % source.side), f32(k / source.side));
-    let step = 1.0 / f32(source.side);
-    var made: Stratum;
-    var share = step * step;
-    for (var axis = 0u; axis < 2u; axis++) {
-        let below = half_of(found.peak[axis], found.lo[axis], found.scale[axis]);
-        let above = half_of(found.peak[axis], found.hi[axis], found.scale[axis]);
-        made.lo[axis] = along(below, above, cell[axis] * step).x;
-        made.hi[axis] = along(below, above, (cell[axis] + 1.0) * step).x;
-        let put = along(below, above, (cell[axis] + jitter[axis]) * step);
-        made.sample[axis] = put.x;
-        share *= put.y;
-    }
-    made.weight = share * integrand(at, made.sample);
-    return made;
 }

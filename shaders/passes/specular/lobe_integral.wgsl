@@ -7,7 +7,7 @@
 
 import package::common::gbuffer::SURFACE;
 import package::common::grid::{Grid, item_index};
-import package::common::light_sums::{light_sums, mean_between};
+import package::common::light_sums::{LEAST_SHARE, light_sums, mean_about, sum_at};
 import package::common::lobe::instance_lobes;
 import package::common::lobe_patch::{Glossy, Half, Patch, glossy_at, half_of, integrand, patch_of, place, source};
 import package::common::view::View;
@@ -25,7 +25,7 @@ override PICTURE: bool = true;
 @group(0) @binding(6) var<storage, read_write> lobe_light: array<vec4f>;
 
 // Nodes along a half: few, and more where a picture is averaged between them. Abscissas in [0, 1], weights that add up
-// to 1, and where the part of a node begins: the weights so far.
+// to 1, and of the many where the part of a node begins: the weights so far.
 const FEW: u32 = 6u;
 const MANY: u32 = 10u;
 const NODE: array<f32, 16> = array<f32, 16>(
@@ -34,35 +34,65 @@ const NODE: array<f32, 16> = array<f32, 16>(
 const WEIGHT: array<f32, 16> = array<f32, 16>(
     0.085662246, 0.180380787, 0.233956967, 0.233956967, 0.180380787, 0.085662246, 0.033335672, 0.074725675,
     0.109543181, 0.134633360, 0.147762112, 0.147762112, 0.134633360, 0.109543181, 0.074725675, 0.033335672);
-const BORDER: array<f32, 18> = array<f32, 18>(
-    0.000000000, 0.085662246, 0.266043033, 0.500000000, 0.733956967, 0.914337754, 1.000000000, 0.000000000,
-    0.033335672, 0.108061347, 0.217604528, 0.352237888, 0.500000000, 0.647762112, 0.782395472, 0.891938653,
-    0.966664328, 1.000000000);
+const BORDER: array<f32, 11> = array<f32, 11>(
+    0.000000000, 0.033335672, 0.108061347, 0.217604528, 0.352237888, 0.500000000, 0.647762112,
+    0.782395472, 0.891938653, 0.966664328, 1.000000000);
 
-// A quarter of the patch: one half of each axis.
-fn quarter(at: Glossy, u: Half, v: Half) -> vec3f {
-    let count = select(FEW, MANY, PICTURE);
-    let first = select(0u, FEW, PICTURE);
-    let border = select(0u, FEW + 1u, PICTURE);
-    let size = vec2u(source.columns, source.rows);
-    var sum = vec3f(0.0);
-    for (var j = 0u; j < count; j++) {
-        let y = place(v, NODE[first + j]);
-        let rows = vec2f(place(v, BORDER[border + j]).x, place(v, BORDER[border + j + 1u]).x);
-        for (var i = 0u; i < count; i++) {
-            let x = place(u, NODE[first + i]);
-            let weight = WEIGHT[first + i] * WEIGHT[first + j] * x.y * y.y * integrand(at, vec2f(x.x, y.x));
-            var radiance = source.radiance;
-            if PICTURE {
-                let columns = vec2f(place(u, BORDER[border + i]).x, place(u, BORDER[border + i + 1u]).x);
-                let lo = vec2f(min(columns.x, columns.y), min(rows.x, rows.y));
-                let hi = vec2f(max(columns.x, columns.y), max(rows.x, rows.y));
-                radiance = mean_between(size, source.radiance, lo, hi);
-            }
-            sum += weight * radiance;
+// A quarter of the patch without a picture: one half of each axis.
+fn plain_quarter(at: Glossy, u: Half, v: Half) -> f32 {
+    var sum = 0.0;
+    for (var j = 0u; j < FEW; j++) {
+        let y = place(v, NODE[j]);
+        for (var i = 0u; i < FEW; i++) {
+            let x = place(u, NODE[i]);
+            sum += WEIGHT[i] * WEIGHT[j] * x.y * y.y * integrand(at, vec2f(x.x, y.x));
         }
     }
     return sum;
+}
+
+// With one: the sums of a row of corners serve the rectangles above it and below.
+fn picture_quarter(at: Glossy, u: Half, v: Half) -> vec3f {
+    let size = vec2u(source.columns, source.rows);
+    let texels = vec2f(size);
+    var columns: array<f32, 11>;
+    var before: array<vec3f, 11>;
+    let first = place(v, 0.0).x * texels.y;
+    for (var i = 0u; i <= MANY; i++) {
+        columns[i] = clamp(place(u, BORDER[i]).x * texels.x, 0.0, texels.x);
+        before[i] = sum_at(size, vec2f(columns[i], first));
+    }
+    var row = first;
+    var sum = vec3f(0.0);
+    for (var j = 0u; j < MANY; j++) {
+        let y = place(v, NODE[FEW + j]);
+        let next = clamp(place(v, BORDER[j + 1u]).x * texels.y, 0.0, texels.y);
+        var corner = sum_at(size, vec2f(columns[0], next));
+        for (var i = 0u; i < MANY; i++) {
+            let x = place(u, NODE[FEW + i]);
+            let weight = WEIGHT[FEW + i] * WEIGHT[FEW + j] * x.y * y.y * integrand(at, vec2f(x.x, y.x));
+            let beside = sum_at(size, vec2f(columns[i + 1u], next));
+            let area = (columns[i + 1u] - columns[i]) * (next - row);
+            let whole = beside - corner - before[i + 1u] + before[i];
+            var radiance = max(source.radiance + whole / area, vec3f(0.0));
+            if abs(area) < LEAST_SHARE * texels.x * texels.y {
+                radiance = mean_about(size, source.radiance, vec2f(x.x, y.x) * texels);
+            }
+            sum += weight * radiance;
+            before[i] = corner;
+            corner = beside;
+        }
+        before[MANY] = corner;
+        row = next;
+    }
+    return sum;
+}
+
+fn quarter(at: Glossy, u: Half, v: Half) -> vec3f {
+    if PICTURE {
+        return picture_quarter(at, u, v);
+    }
+    return plain_quarter(at, u, v) * source.radiance;
 }
 
 fn whole(at: Glossy, found: Patch) -> vec3f {

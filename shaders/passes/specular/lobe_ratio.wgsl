@@ -2,18 +2,16 @@
 // patch, w what each adds, its picture's mean included, colour by colour [HHM18, for a lobe]. Where every sample is seen, or everything, S has no noise.
 //   shares  S of the pixels of a list
 //   main    adds lobe light times S, S averaged over 3 x 3 pixels of one surface where it is a fraction
-// In: lists, occluded bits of the rays, lobe_light, G-buffer. Out: lobe_share. In and out: specular_radiance.
+// In: lists, occluded bits of the rays and what each adds, lobe_light, G-buffer. Out: lobe_share. In and out: specular_radiance.
 
 import package::common::alike::alike;
 import package::common::gbuffer::{SURFACE, floats};
 import package::common::grid::{Grid, item_index};
-import package::common::light_sums::{light_sums, mean_between};
-import package::common::lobe_patch::{glossy_at, patch_of, source, stratum_of};
+import package::common::lobe_patch::source;
 import package::common::ray::Receiver;
 import package::common::tiles::pixel_in_tile_order;
 import package::common::view::View;
 
-override PICTURE: bool = true;
 // Whether anything hides the light; if not, lobe_share is not read.
 override SHADOWED: bool = true;
 // Samples along each axis of a patch.
@@ -27,6 +25,7 @@ override SIDE: u32 = 8;
 @group(0) @binding(5) var<storage, read> lobe_surface: array<vec4f>;
 @group(0) @binding(6) var<storage, read> lobe_list: array<u32>;
 @group(0) @binding(7) var<storage, read> occluded: array<u32>;
+@group(0) @binding(11) var<storage, read> lobe_weights: array<vec4f>;
 @group(0) @binding(8) var<storage, read_write> lobe_share: array<vec4f>;
 @group(0) @binding(9) var<storage, read> lobe_light: array<vec4f>;
 @group(0) @binding(10) var<storage, read_write> specular_radiance: array<vec4f>;
@@ -43,23 +42,17 @@ fn shares(
     }
     let samples = source.side * source.side;
     let pixel = pixel_in_tile_order(lobe_list[i], view.width);
-    let at = pixel.y * view.width + pixel.x;
-    let point = glossy_at(g_position[at], g_normal[at], g_geometric[at], lobe_surface[at], view.eye);
-    let found = patch_of(point);
     var all_ = vec3f(0.0);
     var seen = vec3f(0.0);
     for (var k = 0u; k < samples; k++) {
-        let stratum = stratum_of(point, found, at, k);
-        var weight = vec3f(stratum.weight);
-        if PICTURE {
-            weight *= mean_between(vec2u(source.columns, source.rows), source.radiance, stratum.lo, stratum.hi);
-        }
         let bit = i * samples + k;
+        let weight = lobe_weights[bit].xyz;
         let hidden = ((occluded[bit / 32u] >> (bit % 32u)) & 1u) != 0u;
         all_ += weight;
         seen += select(weight, vec3f(0.0), hidden);
     }
-    lobe_share[at] = vec4f(select(vec3f(1.0), seen / max(all_, vec3f(1e-30)), all_ > vec3f(0.0)), 1.0);
+    let share = select(vec3f(1.0), seen / max(all_, vec3f(1e-30)), all_ > vec3f(0.0));
+    lobe_share[pixel.y * view.width + pixel.x] = vec4f(share, 1.0);
 }
 
 fn receiver(at: u32) -> Receiver {

@@ -160,7 +160,16 @@ impl Work<'_> {
         let passes = ["direct/reuse", "direct/shadow", "direct/interleaved"];
         let empty = if count == 0 { passes.map(|pass| (pass, why)).to_vec() } else { Vec::new() };
         let bits = if self.occlusion.asks() { self.kept_bits(context, &nodes)? } else { Vec::new() };
-        Ok(Direct { irradiance, active, samples, levels, empty, specular: None, proven: Vec::new(), looked: Some(Looked { nodes, bits }) })
+        Ok(Direct {
+            irradiance,
+            active,
+            samples,
+            levels,
+            empty,
+            specular: None,
+            proven: Vec::new(),
+            looked: Some(Looked { nodes, bits }),
+        })
     }
 }
 

@@ -138,7 +138,16 @@ fn pixels(
         first += count;
     }
     let samples = samples.iter().map(|s| u64::from(s.strata)).sum();
-    Ok(Direct { irradiance, active, samples, levels: None, empty: Vec::new(), specular: None, proven: Vec::new(), looked: None })
+    Ok(Direct {
+        irradiance,
+        active,
+        samples,
+        levels: None,
+        empty: Vec::new(),
+        specular: None,
+        proven: Vec::new(),
+        looked: None,
+    })
 }
 
 /// Which samples of a light the receivers see.

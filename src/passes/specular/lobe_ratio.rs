@@ -11,23 +11,18 @@ use crate::passes::{Context, GBuffer};
 /// Those of the device; `Cancelled`.
 pub fn shares(
     context: &mut Context<'_, '_>,
-    gbuffer: &GBuffer,
     piece: &Piece<'_>,
     occluded: &Buffer<u32>,
+    weights: &Buffer<[f32; 4]>,
     share: &Buffer<[f32; 4]>,
 ) -> Result<()> {
-    let picture = f64::from(u8::from(piece.source.picture()));
-    let kernel = context.kernel_with("specular/lobe_ratio", "shares", &[("PICTURE", picture)])?;
-    let nothing: Buffer<[f32; 4]> = context.resources.buffer("nothing", 1)?;
-    let sums = context.scene.light_sums(piece.source.light as usize).unwrap_or(&nothing);
+    let kernel = context.kernel("specular/lobe_ratio", "shares")?;
     let gpu = context.recorder.gpu().clone();
     let list = piece.list.range(&gpu, piece.first..piece.first + piece.count)?;
     let pass = context.recorder.pass("lobe_ratio", &kernel).uniform("source", piece.source);
-    let pass = pass.uniform("view", &context.view).bind("g_position", &gbuffer.position);
-    let pass = pass.bind("g_normal", &gbuffer.normal).bind("g_geometric", &gbuffer.geometric);
-    let pass = pass.bind("light_sums", sums).bind("lobe_surface", piece.surface);
-    let pass = pass.bind("lobe_list", list).bind("occluded", occluded).bind("lobe_share", share);
-    pass.dispatch_cut(piece.count, 50.0 * f64::from(piece.source.side * piece.source.side))
+    let pass = pass.uniform("view", &context.view).bind("lobe_list", list).bind("occluded", occluded);
+    let pass = pass.bind("lobe_weights", weights).bind("lobe_share", share);
+    pass.dispatch_cut(piece.count, 10.0 * f64::from(piece.source.side * piece.source.side))
 }
 
 /// Adds a light to the specular radiance; `share` none: nothing hides it.
@@ -43,7 +38,7 @@ pub fn record(
     specular: &Buffer<[f32; 4]>,
 ) -> Result<()> {
     let shadowed = f64::from(u8::from(share.is_some()));
-    let overrides = [("PICTURE", f64::from(u8::from(source.picture()))), ("SHADOWED", shadowed), ("SIDE", f64::from(source.side))];
+    let overrides = [("SHADOWED", shadowed), ("SIDE", f64::from(source.side))];
     let kernel = context.kernel_with("specular/lobe_ratio", "main", &overrides)?;
     let nothing: Buffer<[f32; 4]> = context.resources.buffer("no_share", 1)?;
     let pass = context.recorder.pass("lobe_ratio", &kernel).uniform("view", &context.view);

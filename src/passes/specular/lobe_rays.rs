@@ -34,17 +34,27 @@ pub fn again(context: &mut Context<'_, '_>, flags: &Buffer<u32>, share: &Buffer<
     pass.bind("lobe_flags", flags).bind("lobe_share", share).dispatch(context.view.tiled as usize)
 }
 
-/// Writes the rays of a piece of the list, those of a pixel together.
+/// Writes the rays of a piece of the list, those of a pixel together, and what each adds.
 ///
 /// # Errors
 /// Those of the device; `Cancelled`.
-pub fn record(context: &mut Context<'_, '_>, gbuffer: &GBuffer, piece: &Piece<'_>, rays: &Buffer<Ray>) -> Result<()> {
-    let kernel = context.kernel("specular/lobe_rays", "main")?;
+pub fn record(
+    context: &mut Context<'_, '_>,
+    gbuffer: &GBuffer,
+    piece: &Piece<'_>,
+    rays: &Buffer<Ray>,
+    weights: &Buffer<[f32; 4]>,
+) -> Result<()> {
+    let picture = f64::from(u8::from(piece.source.picture()));
+    let kernel = context.kernel_with("specular/lobe_rays", "main", &[("PICTURE", picture)])?;
+    let nothing: Buffer<[f32; 4]> = context.resources.buffer("nothing", 1)?;
+    let sums = context.scene.light_sums(piece.source.light as usize).unwrap_or(&nothing);
     let gpu = context.recorder.gpu().clone();
     let list = piece.list.range(&gpu, piece.first..piece.first + piece.count)?;
     let pass = context.recorder.pass("lobe_rays", &kernel).uniform("source", piece.source);
     let pass = pass.uniform("view", &context.view).bind("g_position", &gbuffer.position);
     let pass = pass.bind("g_normal", &gbuffer.normal).bind("g_geometric", &gbuffer.geometric);
-    let pass = pass.bind("lobe_surface", piece.surface).bind("lobe_list", list).bind("rays", rays);
-    pass.dispatch_cut(piece.count * (piece.source.side * piece.source.side) as usize, 50.0)
+    let pass = pass.bind("lobe_surface", piece.surface).bind("lobe_list", list).bind("light_sums", sums);
+    let pass = pass.bind("rays", rays).bind("lobe_weights", weights);
+    pass.dispatch_cut(piece.count * piece.source.side as usize, 100.0 * f64::from(piece.source.side))
 }

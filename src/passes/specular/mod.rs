@@ -2,8 +2,8 @@
 //! times the share of it that is seen.
 
 pub mod lobe_integral;
-pub mod lobe_rays;
 pub mod lobe_ratio;
+pub mod lobe_rays;
 
 use bytemuck::{Pod, Zeroable};
 use glam::Vec3;
@@ -19,7 +19,7 @@ use crate::scene::prepare::{LIGHT_ROWS, RADIANCE_ROW};
 const RAYS: usize = 1 << 20;
 /// Samples of a patch along each axis: at first, and where those disagree.
 const FEW: u32 = 6;
-const MANY: u32 = 24;
+const MANY: u32 = 20;
 /// The same with fewer than 64 `light_samples`.
 const THRIFTY: u32 = 12;
 
@@ -161,13 +161,14 @@ fn trace(
     // Parts of the list are bound, which begin at multiples of 64 entries.
     let len = (RAYS / samples / 64 * 64).min(count.next_multiple_of(64)).max(64);
     let rays = context.resources.buffer("lobe_rays", len * samples)?;
+    let weights = context.resources.buffer("lobe_weights", len * samples)?;
     let occluded: Buffer<u32> = context.resources.buffer("lobe_occluded", len * samples / 32)?;
     for first in (0..count).step_by(len) {
         let piece = Piece { source, surface, list: &list, first, count: (count - first).min(len) };
-        lobe_rays::record(context, gbuffer, &piece, &rays)?;
+        lobe_rays::record(context, gbuffer, &piece, &rays, &weights)?;
         let range = 0..piece.count * samples;
         context.rays += context.tracer.any(context.recorder, "lobe_trace", &rays, &occluded, range)?;
-        lobe_ratio::shares(context, gbuffer, &piece, &occluded, share)?;
+        lobe_ratio::shares(context, &piece, &occluded, &weights, share)?;
     }
     Ok(())
 }
