@@ -93,10 +93,11 @@ fn meets_in_steps(s: Segment) -> bool {
     return false;
 }
 
-// Where the segment leaves a cell through the side `side` (columns or rows from the grid's corner) of one axis.
-fn leaves_at(start: f32, along: f32, start_z: f32, along_z: f32, side: f32) -> f32 {
+// Where the segment leaves a cell on its way (1 or -1) along one axis, through the side `side` (columns or rows from the
+// grid's corner); never where its direction in space does not get there before infinity.
+fn leaves_at(start: f32, along: f32, start_z: f32, along_z: f32, side: f32, way: i32) -> f32 {
     let slope = along - side * along_z;
-    return select((side * start_z - start) / slope, 1e30, slope == 0.0);
+    return select(1e30, (side * start_z - start) / slope, slope * f32(way) > 0.0);
 }
 
 // Every voxel that the segment crosses: cell by cell, all depths between entering and leaving [AW87].
@@ -114,28 +115,30 @@ fn meets_by_voxels(s: Segment) -> bool {
     var cell = vec2i(cell_at(voxels, cell_place(voxels, s.start + t * s.along)));
     var leaving = true;
     let leave = leave_until(s);
-    for (var left = size.x + size.y; left > 0; left--) {
+    for (var left = size.x + size.y + 1; left > 0; left--) {
         let side = vec2f(cell + max(way, vec2i(0)));
-        var exit = vec2f(1e30);
-        if way.x != 0 {
-            exit.x = leaves_at(place.x, slope.x, s.start.z, s.along.z, side.x);
-        }
-        if way.y != 0 {
-            exit.y = leaves_at(place.y, slope.y, s.start.z, s.along.z, side.y);
-        }
-        let next = clamp(min(exit.x, exit.y), t, s.range.y);
+        let exit = vec2f(
+            leaves_at(place.x, slope.x, s.start.z, s.along.z, side.x, way.x),
+            leaves_at(place.y, slope.y, s.start.z, s.along.z, side.y, way.y),
+        );
+        // What may be left is looked at apart from what follows it in the same cell.
+        let whole = clamp(min(exit.x, exit.y), t, s.range.y);
+        let next = select(whole, leave, t < leave && leave < whole);
         if filled(vec2u(cell), s.start.z + t * s.along.z, s.start.z + next * s.along.z) {
-            if !leaving || t > leave {
+            if !leaving || t >= leave {
                 return true;
             }
         } else {
             leaving = false;
         }
+        t = next;
+        if next < whole {
+            continue;
+        }
         cell += select(vec2i(0, way.y), vec2i(way.x, 0), exit.x < exit.y);
         if min(exit.x, exit.y) >= s.range.y || any(cell < vec2i(0)) || any(cell >= size) {
             return false;
         }
-        t = next;
     }
     return false;
 }
