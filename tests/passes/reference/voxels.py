@@ -106,62 +106,57 @@ def pack_bits(filled: Bits) -> NDArray[np.uint32]:
     return np.packbits(filled.reshape(-1), bitorder="little").view(np.uint32)
 
 
-def _cut(polygon: Array, normal: Array, offset: float) -> Array:
-    """The part of a polygon where normal · p ≥ offset."""
-    at = polygon @ normal - offset
-    kept = []
-    for i in range(len(polygon)):
-        j = (i + 1) % len(polygon)
-        if at[i] >= 0:
-            kept.append(polygon[i])
-        if at[i] * at[j] < 0:
-            kept.append(polygon[i] + (polygon[j] - polygon[i]) * (at[i] / (at[i] - at[j])))
-    return np.array(kept).reshape(-1, 3)
-
-
 def fill(grid: Grid, triangles: Array, slack: float) -> Bits:
-    """Voxels of triangles (n, 3, 3) in scene space: slices of the triangle in cells whose middle it covers.
+    """Voxels of triangles (n, 3, 3) in scene space: in cells whose middle one covers, the slices of its plane.
 
-    `slack` widens triangles (in weights of their corners) and depths (in slices), or shrinks them below 0.
+    These go no farther than the triangle. `slack` widens triangles (in weights of their corners) and depths (in
+    slices), or shrinks them below 0.
     """
     filled = np.zeros((grid.rows, grid.columns, grid.slices), bool)
-    column, row = np.meshgrid(np.arange(grid.columns), np.arange(grid.rows))
-    middle = np.stack([column, row], -1) + 0.5
-    rays = np.concatenate([(middle - grid.center) / grid.scale, np.ones((grid.rows, grid.columns, 1))], -1)
     for corners in grid.local(triangles):
         if abs(np.linalg.det(corners)) < 1e-12:
             continue
-        # s · ray = Σ w_i corner_i with Σ w_i = 1, so that s is the depth
-        weights = rays @ np.linalg.inv(corners)
-        total = weights.sum(-1)
-        with np.errstate(divide="ignore", invalid="ignore"):
-            weights = weights / total[..., None]
-        covered = (total > 0) & (weights.min(-1) >= -slack)
-        for r, c in np.argwhere(covered):
-            _mark(grid, filled[r, c], corners, c, r, slack)
+        least, most = corners[:, 2].min(), corners[:, 2].max()
+        # n · (d ray) = n · corner, so that the depth d of the plane along a ray of depth 1 is n · corner / n · ray
+        n = np.cross(corners[1] - corners[0], corners[2] - corners[0])
+        offset = n @ corners[0]
+        weights, depth = _at(grid, corners, n, offset, 0.5, 0.5)
+        covered = (depth > 0) & (weights.min(-1) >= -slack)
+        lo = hi = np.clip(depth, least, most)
+        for x, y in ((0, 0), (0, 1), (1, 0), (1, 1)):
+            _, depth = _at(grid, corners, n, offset, x, y)
+            depth = np.clip(np.where(depth > 0, depth, most), least, most)
+            lo, hi = np.minimum(lo, depth), np.maximum(hi, depth)
+        first = np.floor((lo - grid.near) * grid.per_depth - slack)
+        last = np.floor((hi - grid.near) * grid.per_depth + slack)
+        covered &= (last >= 0) & (first < grid.slices)
+        k = np.arange(grid.slices)
+        filled |= covered[..., None] & (k >= np.maximum(first, 0)[..., None]) & (k <= last[..., None])
     return filled
 
 
-def _mark(grid: Grid, column: Bits, corners: Array, c: int, r: int, slack: float) -> None:
-    """Set the slices of a triangle inside cell (c, r)."""
-    (sx, sy), (cx, cy) = grid.scale, grid.center
-    part = _cut(corners, np.array([0, 0, 1.0]), grid.near)
-    for normal in ([sx, 0, cx - c], [-sx, 0, c + 1 - cx], [0, sy, cy - r], [0, -sy, r + 1 - cy]):
-        part = _cut(part, np.array(normal), 0.0) if len(part) else part
-    if not len(part) or part[:, 2].min() > grid.far:
-        return
-    slices = (np.array([part[:, 2].min(), part[:, 2].max()]) - grid.near) * grid.per_depth
-    first, last = np.clip(np.floor(slices + (-slack, slack)), 0, grid.slices - 1).astype(int)
-    column[first : last + 1] = True
+def _at(grid: Grid, corners: Array, n: Array, offset: float, x: float, y: float) -> tuple[Array, Array]:
+    """Corner weights and depth of a triangle's plane at the place (x, y) of every cell, both in [0, 1]."""
+    column, row = np.meshgrid(np.arange(grid.columns) + x, np.arange(grid.rows) + y)
+    place = (np.stack([column, row], -1) - grid.center) / grid.scale
+    rays = np.concatenate([place, np.ones((grid.rows, grid.columns, 1))], -1)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        depth = offset / (rays @ n)
+        weights = (rays * depth[..., None]) @ np.linalg.inv(corners)
+    return weights, depth
 
 
 @dataclasses.dataclass
 class Segments:
-    """Start and direction along the axes, and the part of t that lies in the grid; n rows."""
+    """Start and direction along the axes, the part of t that lies in the grid, and the surfaces; n rows.
+
+    `planes` are normal and offset of the surface at either end, (n, 2, 4).
+    """
 
     start: Array
     along: Array
     range: Array
+    planes: Array
 
 
 def segments(grid: Grid, origin: Array, n: Array, point: Array, m: Array) -> Segments:
@@ -188,12 +183,26 @@ def segments(grid: Grid, origin: Array, n: Array, point: Array, m: Array) -> Seg
         high = np.where(slope < 0, np.minimum(high, t), high)
         high = np.where((slope == 0) & (at < 0), -1.0, high)
     gone = (along * (tip - foot)).sum(-1) <= 0
-    return Segments(start, along, np.stack([np.where(gone, 1.0, low), np.where(gone, 0.0, high)], -1))
+    ends = [np.concatenate([a, (a * p).sum(-1, keepdims=True)], -1) for a, p in ((n_eye, foot), (m_eye, tip))]
+    low, high = np.where(gone, 1.0, low), np.where(gone, 0.0, high)
+    return Segments(start, along, np.stack([low, high], -1), np.stack(ends, 1))
+
+
+def _above(grid: Grid, planes: Array, q: Array, z0: float, z1: float) -> tuple[float, float]:
+    """The part of z0..z1 along the eye ray through q that lies above both surfaces."""
+    for plane in planes:
+        slope = plane[:3] @ q / q[2]
+        level = plane[3] + grid.bias * float(grid.width(q, plane[:3]))
+        if slope > 0:
+            z0 = max(z0, level / slope)
+        elif slope < 0:
+            z1 = min(z1, level / slope)
+    return z0, z1
 
 
 def _full(grid: Grid, filled: Bits, q: Array, z0: float, z1: float) -> bool:
     c, r = np.clip(np.floor(grid.place(q)), 0, (grid.columns - 1, grid.rows - 1)).astype(int)
-    first, last = grid.slice_of(np.array([min(z0, z1), max(z0, z1)]))
+    first, last = grid.slice_of(np.array([z0, z1]))
     return bool(filled[r, c, first : last + 1].any())
 
 
@@ -210,9 +219,11 @@ def meets(grid: Grid, filled: Bits, s: Segments, dda: bool) -> Bits:
         leaving = True
         for a, b in zip(cuts[:-1], cuts[1:], strict=True):
             middle = 0.5 * (a + b)
-            at = a if dda else middle
-            ends = start[2] + np.array([a, b]) * along[2]
-            if not _full(grid, filled, start + middle * along, ends[0], ends[1] + thick):
+            at, q = a if dda else middle, start + middle * along
+            z0, z1 = sorted((start[2] + a * along[2], start[2] + b * along[2] + thick))
+            if not dda:
+                z0, z1 = _above(grid, s.planes[i], q, z0, z1)
+            if z0 > z1 or not _full(grid, filled, q, z0, z1):
                 leaving = False
             elif not leaving or at >= leave:
                 answers[i] = True
