@@ -19,6 +19,7 @@ struct Segment {
     start: vec3f,
     along: vec3f,
     range: vec2f,
+    planes: array<vec4f, 2>,    // normal and offset of the surfaces at both ends
 }
 
 // Width of a voxel at `q` in direction `n`, both along the camera's axes: no point of a voxel that touches a plane of
@@ -48,7 +49,16 @@ fn segment_of(origin: vec3f, n: vec3f, point: vec3f, m: vec3f) -> Segment {
     range = clip(range, size.x * start.z - place.x, size.x * along.z - slope.x);
     range = clip(range, place.y, slope.y);
     range = clip(range, size.y * start.z - place.y, size.y * along.z - slope.y);
-    return Segment(start, along, range);
+    return Segment(start, along, range, array(vec4f(n_eye, dot(n_eye, foot)), vec4f(m_eye, dot(m_eye, tip))));
+}
+
+// The part of the depths x..y along the eye ray through `q` that lies above a surface, by as much as the ray's ends do.
+// What is below the tangent plane of its own end hides nothing from a ray, however far a step looks.
+fn above(plane: vec4f, q: vec3f, depths: vec2f) -> vec2f {
+    let slope = dot(plane.xyz, q) / q.z;
+    let limit = (plane.w + voxels.bias * voxel_width(q, plane.xyz)) / slope;
+    let cut = select(vec2f(depths.x, min(depths.y, limit)), vec2f(max(depths.x, limit), depths.y), slope > 0.0);
+    return select(cut, depths, slope == 0.0);
 }
 
 // Any voxel of a cell between two depths.
@@ -81,8 +91,10 @@ fn meets_in_steps(s: Segment) -> bool {
     for (var k = 0u; k < voxels.steps; k++) {
         let t = s.range.x + (f32(k) + 0.5) * step;
         let q = s.start + t * s.along;
-        let half = 0.5 * step * s.along.z;
-        if filled(cell_at(voxels, cell_place(voxels, q)), q.z - half, q.z + half + thick) {
+        let ends = q.z + vec2f(-0.5, 0.5) * step * s.along.z + vec2f(0.0, thick);
+        var depths = vec2f(min(ends.x, ends.y), max(ends.x, ends.y));
+        depths = above(s.planes[1], q, above(s.planes[0], q, depths));
+        if depths.x <= depths.y && filled(cell_at(voxels, cell_place(voxels, q)), depths.x, depths.y) {
             if !leaving || t > leave {
                 return true;
             }
@@ -93,10 +105,11 @@ fn meets_in_steps(s: Segment) -> bool {
     return false;
 }
 
-// Where the segment leaves a cell through the side `side` (columns or rows from the grid's corner) of one axis.
-fn leaves_at(start: f32, along: f32, start_z: f32, along_z: f32, side: f32) -> f32 {
+// Where the segment leaves a cell on its way (1 or -1) along one axis, through the side `side` (columns or rows from the
+// grid's corner); never where its direction in space does not get there before infinity.
+fn leaves_at(start: f32, along: f32, start_z: f32, along_z: f32, side: f32, way: i32) -> f32 {
     let slope = along - side * along_z;
-    return select((side * start_z - start) / slope, 1e30, slope == 0.0);
+    return select(1e30, (side * start_z - start) / slope, slope * f32(way) > 0.0);
 }
 
 // Every voxel that the segment crosses: cell by cell, all depths between entering and leaving [AW87].
@@ -114,28 +127,30 @@ fn meets_by_voxels(s: Segment) -> bool {
     var cell = vec2i(cell_at(voxels, cell_place(voxels, s.start + t * s.along)));
     var leaving = true;
     let leave = leave_until(s);
-    for (var left = size.x + size.y; left > 0; left--) {
+    for (var left = size.x + size.y + 1; left > 0; left--) {
         let side = vec2f(cell + max(way, vec2i(0)));
-        var exit = vec2f(1e30);
-        if way.x != 0 {
-            exit.x = leaves_at(place.x, slope.x, s.start.z, s.along.z, side.x);
-        }
-        if way.y != 0 {
-            exit.y = leaves_at(place.y, slope.y, s.start.z, s.along.z, side.y);
-        }
-        let next = clamp(min(exit.x, exit.y), t, s.range.y);
+        let exit = vec2f(
+            leaves_at(place.x, slope.x, s.start.z, s.along.z, side.x, way.x),
+            leaves_at(place.y, slope.y, s.start.z, s.along.z, side.y, way.y),
+        );
+        // What may be left is looked at apart from what follows it in the same cell.
+        let whole = clamp(min(exit.x, exit.y), t, s.range.y);
+        let next = select(whole, leave, t < leave && leave < whole);
         if filled(vec2u(cell), s.start.z + t * s.along.z, s.start.z + next * s.along.z) {
-            if !leaving || t > leave {
+            if !leaving || t >= leave {
                 return true;
             }
         } else {
             leaving = false;
         }
+        t = next;
+        if next < whole {
+            continue;
+        }
         cell += select(vec2i(0, way.y), vec2i(way.x, 0), exit.x < exit.y);
         if min(exit.x, exit.y) >= s.range.y || any(cell < vec2i(0)) || any(cell >= size) {
             return false;
         }
-        t = next;
     }
     return false;
 }

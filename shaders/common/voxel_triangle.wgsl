@@ -63,11 +63,11 @@ fn weights_at(t: Triangle, ray: vec3f) -> vec3f {
     return vec3f(dot(t.side[0], ray), dot(t.side[1], ray), dot(t.side[2], ray)) * sign(t.volume);
 }
 
-// Least and largest depth inside a cell of a triangle that covers the cell's middle; the first above the second where it
-// does not.
+// Least and largest depth inside a cell of the plane of a triangle that covers the cell's middle, no farther than the
+// triangle reaches; the first above the second where it does not cover it. The plane, so that where two triangles meet
+// within a cell none of their slices is left out.
 fn depths_in(voxels: Voxels, t: Triangle, cell: vec2u) -> vec2f {
     let lo = vec2f(cell) - voxels.center;
-    let hi = lo + 1.0;
     let at_middle = weights_at(t, vec3f((lo + 0.5) / voxels.scale, 1.0));
     let weight = at_middle.x + at_middle.y + at_middle.z;
     if !(weight > 0.0) || any(at_middle < vec3f(-CRACK * weight)) {
@@ -77,30 +77,13 @@ fn depths_in(voxels: Voxels, t: Triangle, cell: vec2u) -> vec2f {
     let farthest = max(t.corner[0].z, max(t.corner[1].z, t.corner[2].z));
     let middle = clamp(abs(t.volume) / weight, nearest, farthest);
     var depths = vec2f(middle);
-    for (var i = 0u; i < 3u; i++) {
-        let p = t.corner[i];
-        let e = t.corner[(i + 1u) % 3u] - p;
-        var range = clip(vec2f(0.0, 1.0), p.z - voxels.near, e.z);
-        let place = voxels.scale * p.xy;
-        let slope = voxels.scale * e.xy;
-        range = clip(range, place.x - lo.x * p.z, slope.x - lo.x * e.z);
-        range = clip(range, hi.x * p.z - place.x, hi.x * e.z - slope.x);
-        range = clip(range, place.y - lo.y * p.z, slope.y - lo.y * e.z);
-        range = clip(range, hi.y * p.z - place.y, hi.y * e.z - slope.y);
-        if range.x <= range.y {
-            let ends = p.z + range * e.z;
-            depths = vec2f(min(depths.x, min(ends.x, ends.y)), max(depths.y, max(ends.x, ends.y)));
-        }
-    }
-    // Where a corner of the cell looks through the triangle.
     for (var i = 0u; i < 4u; i++) {
-        let place = vec2f(select(lo.x, hi.x, (i & 1u) != 0u), select(lo.y, hi.y, (i & 2u) != 0u));
+        let place = lo + vec2f(f32(i & 1u), f32(i >> 1u));
         let weights = weights_at(t, vec3f(place / voxels.scale, 1.0));
         let sum = weights.x + weights.y + weights.z;
-        if all(weights >= vec3f(0.0)) && sum > 0.0 {
-            let depth = clamp(abs(t.volume) / sum, nearest, farthest);
-            depths = vec2f(min(depths.x, depth), max(depths.y, depth));
-        }
+        // Where the sum is not above 0 the plane is not met before infinity.
+        let depth = clamp(select(farthest, abs(t.volume) / sum, sum > 0.0), nearest, farthest);
+        depths = vec2f(min(depths.x, depth), max(depths.y, depth));
     }
     let seen = depths.y >= voxels.near && depths.x <= voxels.far;
     return select(vec2f(1.0, 0.0), depths, seen);

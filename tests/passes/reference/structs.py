@@ -117,6 +117,28 @@ SHADOW = np.dtype(
         *_fields("receivers", "strata", "patterns", "words"),
     ]
 )
+VOXELS = np.dtype(
+    [
+        ("eye", "<f4", 3),
+        ("columns", "<u4"),
+        ("right", "<f4", 3),
+        ("rows", "<u4"),
+        ("up", "<f4", 3),
+        ("words", "<u4"),
+        ("backward", "<f4", 3),
+        ("near", "<f4"),
+        ("scale", "<f4", 2),
+        ("center", "<f4", 2),
+        ("far", "<f4"),
+        ("slices_per_depth", "<f4"),
+        ("bias", "<f4"),
+        ("steps", "<u4"),
+    ]
+)
+VOXELIZE = np.dtype(_fields("first", "triangles", "instances", "blocks"))
+MAP = np.dtype(
+    [("normal", "<f4", 3), *_fields("resolution", "sides", "first", "count"), ("offset", "<f4")]
+)
 PROVE = np.dtype(_fields("width", "height", "pad0", "pad1"))
 LIGHT_FRAME = np.dtype(
     [
