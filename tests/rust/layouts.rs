@@ -1,5 +1,7 @@
 //! Host structs and constants equal their twins in the shaders; no struct that crosses the border is without one.
 
+mod level_layouts;
+
 use std::collections::BTreeSet;
 
 use miplight::gpu::layout::{Layout, same, shader_layout};
@@ -45,6 +47,7 @@ fn twins() -> Vec<(Layout, &'static str, &'static str)> {
     let moments = host_layout!(MomentsParams { mean, cell_area, fine, coarse, pad0, pad1 });
     let mut all = adaptive();
     all.extend(occlusion());
+    all.extend(level_layouts::twins());
     all.extend(vec![
         (irradiance(), "common/light_pixel", "IrradianceParams"),
         (node, "passes/gather/textured_share", "LightNode"),

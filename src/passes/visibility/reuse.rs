@@ -58,7 +58,8 @@ pub struct Reuse<'r> {
 impl Reuse<'_> {
     fn record(&self, context: &mut Context<'_, '_>, entry: &str) -> Result<()> {
         let shadow = self.light.shadow_light();
-        let reuse = u32::from(context.settings.is("visibility_reuse", "incremental"));
+        // A spot asks one ray a node, and its shadows have no penumbra that would reach a coarser node: nothing to save.
+        let reuse = context.settings.is("visibility_reuse", "incremental") && self.light.is_area();
         let params = ReuseParams {
             light_normal: shadow.light_normal,
             two_sided: shadow.two_sided.into(),
@@ -68,7 +69,7 @@ impl Reuse<'_> {
             strata: shadow.strata,
             words: shadow.words() as u32,
             row: self.light.row(),
-            reuse,
+            reuse: reuse.into(),
             pad0: 0,
             pad1: 0,
             pad2: 0,

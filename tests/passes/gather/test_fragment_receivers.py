@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from tests.passes.reference.gbuffers import GBuffer, random_gbuffer
 from tests.passes.reference.hashing import pcg4d
 from tests.passes.reference.image import pixel_numbers, random_view
+from tests.passes.reference.nodes import middle_pixel
 from tests.passes.reference.pyramids import pyramid_record, sizes
 from tests.passes.reference.run import ULP, Runner, assert_not_within, assert_within, read
 from tests.passes.reference.structs import FRAGMENT_RECEIVERS, RECEIVER, SURFACE, record
@@ -34,18 +35,6 @@ def _fragments(
         begins = pixel >= 0 and line % side == 0 and column % side == 0
         found.append((level if begins and (g.kind[block] == SURFACE).any() else -1, block))
     return found
-
-
-def _nearest(view: NDArray[Any], g: GBuffer, block: NDArray[np.int64]) -> int:
-    """The first surface pixel that is nearest to the middle of a block."""
-    line, column = np.divmod(block, int(view["width"][0]))
-    far = (2 * line - line.min() - line.max()) ** 2 + (2 * column - column.min() - column.max()) ** 2
-    far = np.where(g.kind[block] == SURFACE, far, 1 << 30)
-    middle = (line.min() + line.max() + 1) // 2, (column.min() + column.max() + 1) // 2
-    chosen = block[np.argmin(far)]
-    # of the four around the middle the last one is taken where it sees a surface
-    at = block[(line == middle[0]) & (column == middle[1])][0]
-    return int(at if g.kind[at] == SURFACE else chosen)
 
 
 @pytest.mark.parametrize("size", [(70, 45), (1, 40), (33, 1), (3, 3)])
@@ -75,7 +64,7 @@ def test_receivers_agree_with_the_reference(
         **g.rows(),
     )
     found, at = read(out, "receivers", RECEIVER), read(out, "fragment_at", np.uint32)
-    pixels = np.array([_nearest(view, g, places[place][1]) for place in chosen[first:]])
+    pixels = np.array([middle_pixel(view, g, places[place][1]) for place in chosen[first:]])
     assert (found["pixel"] == first + np.arange(count)).all(), "the fragment's number"
     assert_within(found["origin"], g.origin[pixels], 2 * ULP * np.abs(g.origin[pixels]), "origins")
     if count > 1:

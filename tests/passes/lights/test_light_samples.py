@@ -28,6 +28,14 @@ def cells(strata_u: int, strata_v: int) -> NDArray[np.int64]:
     return grid.reshape(-1, 2)
 
 
+def dealt(strata_u: int, strata_v: int) -> NDArray[np.int64]:
+    """Cell (u, v) of each stratum of four sets, set after set: each has one of every 2 × 2 cells [KH01]."""
+    u, v = np.meshgrid(np.arange(strata_u), np.arange(strata_v))
+    grid = np.stack([u, v], axis=-1)
+    sets = [grid[down::2, right::2].reshape(-1, 2) for down in (0, 1) for right in (0, 1)]
+    return np.concatenate(sets)
+
+
 def _params(light: int, grid: tuple[int, int], **more: Any) -> NDArray[Any]:
     values = {"patterns": 1, "t_max": 0.9999, **more}
     return record(LIGHT_SAMPLES, light=light, strata_u=grid[0], strata_v=grid[1], **values)
@@ -41,14 +49,16 @@ def _points(runner: Runner, lights: list[Light], params: NDArray[Any]) -> NDArra
     return read(out, "light_points", np.float32, p["patterns"], count, 4)
 
 
-def _radiance(runner: Runner, lights: list[Light], number: int, grid: tuple[int, int]) -> NDArray[np.float32]:
+def _radiance(
+    runner: Runner, lights: list[Light], number: int, grid: tuple[int, int], classes: int = 1
+) -> NDArray[np.float32]:
     count = grid[0] * grid[1]
     out = runner(
         STEM,
         count,
         entry="radiance",
         groups=True,
-        params=_params(number, grid),
+        params=_params(number, grid, classes=classes),
         lights=table(lights),
         light_radiance=np.full((count, 4), np.nan, np.float32),
     )
@@ -156,3 +166,43 @@ def test_more_strata_than_one_row_of_workgroups(runner: Runner, rng: np.random.G
     at = cells(*grid)
     expected = stratum_means(light.radiance, *grid, False)[at[:, 1], at[:, 0]] * light.area / len(at)
     assert_within(found, expected, 1e-4 * expected.max(), "strata")
+
+
+INTERLEAVED = [(2, 2), (8, 8), (6, 4), (2, 10), (16, 12)]
+
+
+@pytest.mark.parametrize("grid", INTERLEAVED)
+@pytest.mark.parametrize("jittered", [0, 1])
+def test_four_sets_have_one_of_each_two_by_two_strata(
+    runner: Runner, rng: np.random.Generator, grid: tuple[int, int], jittered: int
+) -> None:
+    light, patterns = random_area(rng), 3
+    params = _params(1, grid, classes=4, patterns=patterns, jittered=jittered)
+    points = _points(runner, [random_spot(rng), light], params)
+    strata, at = np.arange(grid[0] * grid[1]), dealt(*grid)
+    jitter = random4(strata[None], np.arange(patterns)[:, None], 1, 0)[..., :2] if jittered else 0.5
+    expected, bound = _where(light, np.broadcast_to((at + jitter) / np.array(grid), (patterns, len(at), 2)))
+    assert_within(points[..., :3], expected, bound, "points")
+    blocks = (at // 2 @ np.array([1, grid[0] // 2])).reshape(4, -1)
+    assert (np.sort(blocks, axis=1) == np.arange(len(at) // 4)).all(), "one of each block in every set"
+    assert len(np.unique(at, axis=0)) == len(at), "and no stratum twice"
+    if len(at) > 4:
+        plain = _where(light, (cells(*grid) + jitter) / np.array(grid))[0]
+        assert_not_within(points[..., :3], np.broadcast_to(plain, expected.shape), bound)
+
+
+@pytest.mark.parametrize("grid", INTERLEAVED)
+@pytest.mark.parametrize("linear", [False, True])
+def test_radiance_goes_with_the_points_of_four_sets(
+    runner: Runner, rng: np.random.Generator, grid: tuple[int, int], linear: bool
+) -> None:
+    light = random_area(rng, (13, 9), linear=linear)
+    found = _radiance(runner, [random_area(rng, (2, 3)), light], 1, grid, classes=4).astype(np.float64)
+    at = dealt(*grid)
+    means = stratum_means(light.radiance, *grid, linear)
+    share = light.area / len(at)
+    bound = 9 * share * (2e-6 + 2 * ULP * max(grid))
+    assert_within(found, means[at[:, 1], at[:, 0]] * share, bound, "strata")
+    if len(at) > 4:
+        plain = cells(*grid)
+        assert_not_within(found, means[plain[:, 1], plain[:, 0]] * share, bound)

@@ -194,6 +194,36 @@ PENUMBRA = np.dtype(
 UNIFORM_LEVELS = np.dtype(
     _fields("width", "height", "slot", "coarsest", "own_pixels", "again", "last", "pad")
 )
+NODES = np.dtype(_fields("base", "parents", "patterns", "classes", "seed", "pad0", "pad1", "pad2"))
+REUSE = np.dtype(
+    [
+        ("light_normal", "<f4", 3),
+        ("two_sided", "<u4"),
+        ("cone_axis", "<f4", 3),
+        ("cos_cutoff", "<f4"),
+        *_fields("first", "strata", "words", "row", "reuse", "pad0", "pad1", "pad2"),
+    ]
+)
+INTERLEAVED = np.dtype(
+    [
+        *_fields("first", "strata", "words", "classes"),
+        ("normal", "<f4", 3),
+        ("cos_cutoff", "<f4"),
+        ("corner", "<f4", 3),
+        ("two_sided", "<u4"),
+        ("step_u", "<f4", 3),
+        ("row", "<u4"),
+        ("step_v", "<f4", 3),
+        ("pad", "<u4"),
+    ]
+)
+INCREMENTAL = np.dtype(
+    [
+        *_fields("first", "count", "words", "least_bits"),
+        ("threshold", "<f4"),
+        *_fields("pad0", "pad1", "pad2"),
+    ]
+)
 DOWNSAMPLE = np.dtype(_fields("width", "height", "factor", "pad"))
 
 

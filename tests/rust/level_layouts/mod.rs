@@ -1,0 +1,54 @@
+//! Twins of the passes that work level by level.
+
+use miplight::gpu::layout::Layout;
+use miplight::host_layout;
+use miplight::passes::gather::interleaved::InterleavedParams;
+use miplight::passes::refine::incremental::IncrementalParams;
+use miplight::passes::refine::nodes::NodesParams;
+use miplight::passes::visibility::reuse::ReuseParams;
+
+/// Twins by their place in the shaders.
+pub fn twins() -> Vec<(Layout, &'static str, &'static str)> {
+    let nodes = host_layout!(NodesParams { base, parents, patterns, classes, seed, pad0, pad1, pad2 });
+    let incremental = host_layout!(IncrementalParams { first, count, words, least_bits, threshold, pad0, pad1, pad2 });
+    vec![
+        (nodes, "passes/refine/nodes", "NodesParams"),
+        (reuse(), "passes/visibility/reuse", "ReuseParams"),
+        (interleaved(), "passes/gather/interleaved", "InterleavedParams"),
+        (incremental, "passes/refine/incremental", "IncrementalParams"),
+    ]
+}
+
+fn reuse() -> Layout {
+    host_layout!(ReuseParams {
+        light_normal,
+        two_sided,
+        cone_axis,
+        cos_cutoff,
+        first,
+        strata,
+        words,
+        row,
+        reuse,
+        pad0,
+        pad1,
+        pad2
+    })
+}
+
+fn interleaved() -> Layout {
+    host_layout!(InterleavedParams {
+        first,
+        strata,
+        words,
+        classes,
+        normal,
+        cos_cutoff,
+        corner,
+        two_sided,
+        step_u,
+        row,
+        step_v,
+        pad
+    })
+}
