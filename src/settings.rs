@@ -303,6 +303,7 @@ pub const PRESETS: &[(&str, Option<Changes>)] = &[
         "area-2010",
         Some(&[
             ("refine", Default::Text("incremental")),
+            ("visibility", Default::Text("voxel")),
             ("visibility_reuse", Default::Text("incremental")),
             ("interleave", Default::Int(2)),
             ("light_pattern", Default::Text("grid")),

@@ -13,7 +13,7 @@ from miplight import _core
 ULP = 2.0**-24
 """Largest relative error of one float32 rounding."""
 
-UNIFORMS = {"params", "view", "wave", "top_level", "frame", "texture", "pyramid", "voxels", "map"}
+UNIFORMS = {"params", "view", "wave", "top_level", "frame", "texture", "pyramid", "voxels", "map", "source"}
 """Bindings that are one struct, not a list."""
 
 _HEAD = """
