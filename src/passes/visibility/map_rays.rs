@@ -109,7 +109,8 @@ pub fn record(context: &mut Context<'_, '_>, samples: &[LightSamples]) -> Result
 }
 
 fn trace(context: &mut Context<'_, '_>, light: &LightMaps, texels: usize, distances: &Buffer<f32>) -> Result<()> {
-    let (make, store) = (context.kernel("visibility/map_rays", "main")?, context.kernel("visibility/map_rays", "store")?);
+    let (make, store) =
+        (context.kernel("visibility/map_rays", "main")?, context.kernel("visibility/map_rays", "store")?);
     let len = RAYS.min(texels);
     let rays: Buffer<Ray> = context.resources.buffer("map_rays", len)?;
     let hits: Buffer<Hit> = context.resources.buffer("map_hits", len)?;

@@ -173,12 +173,7 @@ pub fn record(context: &mut Context<'_, '_>) -> Result<VoxelGrid> {
     Ok(grid)
 }
 
-fn batch(
-    context: &mut Context<'_, '_>,
-    grid: &VoxelGrid,
-    starts: &Buffer<u32>,
-    params: VoxelizeParams,
-) -> Result<()> {
+fn batch(context: &mut Context<'_, '_>, grid: &VoxelGrid, starts: &Buffer<u32>, params: VoxelizeParams) -> Result<()> {
     let kernel = |entry| context.kernel("visibility/voxelize", entry);
     let (count, scan, fill) = (kernel("count")?, kernel("scan")?, kernel("fill")?);
     let before: Buffer<u32> = context.resources.buffer("voxel_tiles_before", params.triangles as usize)?;
