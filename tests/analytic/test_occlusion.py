@@ -1,4 +1,4 @@
-"""Occlusion by voxels and by shadow maps in whole frames: what is hidden, what is not, and how near it is to rays."""
+"""Occlusion by voxels and by shadow maps in whole frames: what is hidden, what is not, how near to rays."""
 
 from __future__ import annotations
 
@@ -30,7 +30,9 @@ def _slab(size: tuple[float, float, float], center: tuple[float, float, float]) 
 def _floor_and_lamp(*things: trimesh.Trimesh, visible: bool = False) -> ml.Scene:
     """A floor at y = 0 under a lamp of 1 × 1 at y = 3, with a ceiling right above the lamp."""
     scene = ml.Scene()
-    floor = trimesh.Trimesh([[-4, 0, -4], [-4, 0, 4], [4, 0, 4], [4, 0, -4]], [[0, 1, 2], [0, 2, 3]], process=False)
+    floor = trimesh.Trimesh(
+        [[-4, 0, -4], [-4, 0, 4], [4, 0, 4], [4, 0, -4]], [[0, 1, 2], [0, 2, 3]], process=False
+    )
     scene.add_mesh(floor, name="floor", material=FLOOR_MATERIAL, shading="flat")
     scene.add_mesh(_slab((8, 0.1, 8), (0, 3.06, 0)), name="ceiling", shading="flat")
     for k, thing in enumerate(things):
@@ -74,7 +76,8 @@ def test_a_wall_in_between_hides_all(renderer: ml.Renderer, how: dict[str, Any])
     below = np.zeros(lit.shape, bool)
     below[70:] = True  # the floor near the camera; the upper side of the wall is lit
     assert lit[below].max() > 0
-    assert _direct(renderer, scene, camera, **how)[below].max() == 0
+    # Steps shorter than a voxel: longer ones may step over a sheet.
+    assert _direct(renderer, scene, camera, voxel_steps=512, **how)[below].max() == 0
 
 
 @pytest.mark.parametrize("how", COARSE)
@@ -87,7 +90,7 @@ def test_five_frames_have_the_same_bits(renderer: ml.Renderer, how: dict[str, An
 
 @pytest.mark.parametrize("how", [*COARSE, {"visibility": "none"}])
 def test_a_box_on_a_floor_has_its_contact_shadow(renderer: ml.Renderer, how: dict[str, Any]) -> None:
-    """Beside the box, on the side away from the lamp: as dark as rays say, within a voxel or two of the edge."""
+    """Beside the box, on the side away from the lamp: as dark as rays say, up to the edge."""
     scene = _floor_and_lamp(_slab((1, 1, 1), (1.6, 0.5, 0.5)))
     camera = ml.Camera.look_at((2.5, 2.4, 6), (1.6, 0.4, 0.5), fov_y=35, width=128, height=128)
     exact, found = (_direct(renderer, scene, camera, **more) for more in ({"visibility": "ray"}, how))
@@ -107,7 +110,7 @@ def test_a_box_on_a_floor_has_its_contact_shadow(renderer: ml.Renderer, how: dic
 
 @pytest.mark.parametrize("march", ["uniform", "dda"])
 def test_an_occluder_off_screen_counts_with_a_margin(renderer: ml.Renderer, march: str) -> None:
-    scene = _floor_and_lamp(_slab((0.2, 2.6, 3), (1.9, 1.4, 0)))
+    scene = _floor_and_lamp(_slab((0.2, 1.1, 4), (1.9, 0.6, 0)))
     # Only floor right of x = 2.1 is in the view; the slab between it and the lamp is just left of it.
     camera = ml.Camera.look_at((3.0, 4.5, 0.05), (3.0, 0, 0), up=(0, 0, -1), fov_y=20, width=64, height=64)
     how: dict[str, Any] = {"visibility": "voxel", "voxel_march": march}
@@ -117,7 +120,7 @@ def test_an_occluder_off_screen_counts_with_a_margin(renderer: ml.Renderer, marc
         for more in ({"visibility": "ray"}, how, how | {"voxel_margin": 0.8})
     )
     open_ = _direct(renderer, scene, camera, visibility="none")
-    assert exact.mean() < 0.5 * open_.mean()
+    assert 0.1 * open_.mean() < exact.mean() < 0.7 * open_.mean()
     assert np.array_equal(without, open_)
     assert _error(wide, exact) < 0.35 * _error(without, exact)
 
@@ -148,24 +151,25 @@ def test_two_sided_lights_and_spots_are_hidden_too(renderer: ml.Renderer, how: d
     scene.add_light(ml.SpotLight((2.5, 2.5, 1), (0, 0, 0), (40, 40, 40), cutoff=40), name="spot")
     camera = _view()
     exact, found, open_ = (
-        _direct(renderer, scene, camera, **more) for more in ({"visibility": "ray"}, how, {"visibility": "none"})
+        _direct(renderer, scene, camera, **more)
+        for more in ({"visibility": "ray"}, how, {"visibility": "none"})
     )
-    assert _error(open_, exact) > 0.3
-    assert _error(found, exact) < 0.15
+    assert _error(open_, exact) > 0.1
+    assert _error(found, exact) < 0.5 * _error(open_, exact)
 
 
 @pytest.mark.parametrize("how", COARSE)
 @pytest.mark.parametrize("estimator", ["samples", "ratio"])
 @pytest.mark.parametrize("refine", ["none", "one-pass"])
-def test_plans_name_what_runs(
-    adapter: str, how: dict[str, Any], estimator: str, refine: str
-) -> None:
+def test_plans_name_what_runs(adapter: str, how: dict[str, Any], estimator: str, refine: str) -> None:
     scene, camera = _floor_and_lamp(), _view(32)
     settings = _settings(direct_estimator=estimator, refine=refine, **how)
     with ml.Renderer(adapter) as renderer:
         if (estimator, refine) == ("ratio", "one-pass"):
             for work in (renderer.plan, renderer.render):
-                with pytest.raises(ml.SettingsError, match=f"visibility=.*{how['visibility']}.*one-pass.*ratio"):
+                with pytest.raises(
+                    ml.SettingsError, match=f"visibility=.*{how['visibility']}.*one-pass.*ratio"
+                ):
                     work(scene, camera, settings)
             return
         plan = renderer.plan(scene, camera, settings)
@@ -182,7 +186,10 @@ def test_what_does_not_fit_is_refused_before_any_work(renderer: ml.Renderer) -> 
     for changes, words in [
         ({"visibility": "voxel", "voxel_margin": 1e6}, "voxel_margin=1000000.*allows"),
         ({"visibility": "voxel", "voxel_margin": 1e300}, "voxel_margin=.*allows"),
-        ({"visibility": "shadow-map", "shadow_map_resolution": 1024, "light_samples": 4096}, "4096 maps.*allows"),
+        (
+            {"visibility": "shadow-map", "shadow_map_resolution": 1024, "light_samples": 4096},
+            "4096 maps.*allows",
+        ),
     ]:
         with pytest.raises(ml.SettingsError, match=words):
             renderer.plan(scene, camera, _settings().replace(**changes))

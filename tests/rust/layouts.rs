@@ -23,9 +23,7 @@ use miplight::passes::refine::one_pass::OnePassParams;
 use miplight::passes::refine::penumbra::PenumbraParams;
 use miplight::passes::refine::pyramid::Pyramid;
 use miplight::passes::refine::uniform_levels::UniformLevelsParams;
-use miplight::passes::visibility::map_rays::MapParams;
 use miplight::passes::visibility::prove::ProveParams;
-use miplight::passes::visibility::voxelize::{VoxelizeParams, Voxels};
 use miplight::passes::visibility::{Hit, Ray, Receiver};
 use miplight::passes::{TILE, TILE_PIXELS, View};
 use miplight::scene::prepare::{InstanceRecord, LIGHT_ROWS, NO_LIGHT, Prepared};
@@ -115,33 +113,6 @@ fn adaptive() -> Vec<(Layout, &'static str, &'static str)> {
         (light_bounds, "passes/refine/light_bounds", "LightBoundsParams"),
         (levels, "passes/refine/uniform_levels", "UniformLevelsParams"),
         (penumbra, "passes/refine/penumbra", "PenumbraParams"),
-    ]
-}
-
-/// Those of what finds occlusion without rays.
-fn occlusion() -> Vec<(Layout, &'static str, &'static str)> {
-    let voxels = host_layout!(Voxels {
-        eye,
-        columns,
-        right,
-        rows,
-        up,
-        words,
-        backward,
-        near,
-        scale,
-        center,
-        far,
-        slices_per_depth,
-        bias,
-        steps
-    });
-    let voxelize = host_layout!(VoxelizeParams { first, triangles, instances, blocks });
-    let map = host_layout!(MapParams { normal, resolution, sides, first, count, offset });
-    vec![
-        (voxels, "common/voxels", "Voxels"),
-        (voxelize, "passes/visibility/voxelize", "VoxelizeParams"),
-        (map, "common/shadow_map", "MapParams"),
     ]
 }
 
@@ -246,13 +217,16 @@ fn twins_have_the_same_layout() {
 }
 
 /// Structs of the trace, whose twins `trace_forms` and `gpu_base` prove.
-const ELSEWHERE: [(&str, &str); 6] = [
+const ELSEWHERE: [(&str, &str); 9] = [
     ("common/grid", "Grid"),
     ("common/bvh", "Node"),
     ("common/bvh", "Placed"),
     ("common/bvh", "Triangle"),
     ("common/bvh", "TopLevel"),
     ("common/shadow_query", "ShadowParams"),
+    ("common/voxels", "Voxels"),
+    ("passes/visibility/voxelize", "VoxelizeParams"),
+    ("common/shadow_map", "MapParams"),
 ];
 
 /// Names of the structs that the buffers of a shader hold.

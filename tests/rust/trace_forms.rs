@@ -305,8 +305,10 @@ fn lists_are_traced_from_any_tile() {
 fn twins_have_the_same_layout() {
     use miplight::gpu::layout::{same, shader_layout};
     use miplight::host_layout;
+    use miplight::passes::visibility::map_rays::MapParams;
     use miplight::passes::visibility::shadow::ShadowParams;
     use miplight::passes::visibility::trace_wgsl::{PlacedRecord, TopLevel, TriangleRecord};
+    use miplight::passes::visibility::voxelize::{VoxelizeParams, Voxels};
     use miplight::scene::bvh::Node2;
     let twin = |host: &miplight::gpu::layout::Layout, stem: &str, name: &str| {
         same(host, &shader_layout(stem, name).unwrap()).unwrap_or_else(|e| panic!("{e}"));
@@ -331,4 +333,25 @@ fn twins_have_the_same_layout() {
         words
     });
     twin(&params, "common/shadow_query", "ShadowParams");
+    let voxels = host_layout!(Voxels {
+        eye,
+        columns,
+        right,
+        rows,
+        up,
+        words,
+        backward,
+        near,
+        scale,
+        center,
+        far,
+        slices_per_depth,
+        bias,
+        steps
+    });
+    twin(&voxels, "common/voxels", "Voxels");
+    let voxelize = host_layout!(VoxelizeParams { first, triangles, instances, blocks });
+    twin(&voxelize, "passes/visibility/voxelize", "VoxelizeParams");
+    let map = host_layout!(MapParams { normal, resolution, sides, first, count, offset });
+    twin(&map, "common/shadow_map", "MapParams");
 }

@@ -136,9 +136,7 @@ VOXELS = np.dtype(
     ]
 )
 VOXELIZE = np.dtype(_fields("first", "triangles", "instances", "blocks"))
-MAP = np.dtype(
-    [("normal", "<f4", 3), *_fields("resolution", "sides", "first", "count"), ("offset", "<f4")]
-)
+MAP = np.dtype([("normal", "<f4", 3), *_fields("resolution", "sides", "first", "count"), ("offset", "<f4")])
 PROVE = np.dtype(_fields("width", "height", "pad0", "pad1"))
 LIGHT_FRAME = np.dtype(
     [

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import itertools
 from typing import Any
 
 import numpy as np
@@ -90,7 +91,12 @@ class Grid:
 
 def random_grid(rng: np.random.Generator, columns: int = 24, rows: int = 17, words: int = 2) -> Grid:
     """A view into any direction, its axis off the middle."""
-    single = [rng.normal(size=3), rotation(rng), rng.uniform(12, 20, 2), np.array([0.55 * columns, 0.4 * rows])]
+    single = [
+        rng.normal(size=3),
+        rotation(rng),
+        rng.uniform(12, 20, 2),
+        np.array([0.55 * columns, 0.4 * rows]),
+    ]
     eye, axes, scale, center = (a.astype(np.float32).astype(np.float64) for a in single)
     return Grid(eye, axes, columns, rows, words, 0.75, 6.5, scale, center)
 
@@ -107,17 +113,17 @@ def pack_bits(filled: Bits) -> NDArray[np.uint32]:
 
 
 def fill(grid: Grid, triangles: Array, slack: float) -> Bits:
-    """Voxels of triangles (n, 3, 3) in scene space: in cells whose middle one covers, the slices of its plane.
+    """Voxels of triangles (n, 3, 3): in cells whose middle one covers, the slices of its plane.
 
-    These go no farther than the triangle. `slack` widens triangles (in weights of their corners) and depths (in
-    slices), or shrinks them below 0.
+    These go no farther than the triangle. `slack` widens triangles (in weights of their corners) and
+    depths (in slices), or shrinks them below 0.
     """
     filled = np.zeros((grid.rows, grid.columns, grid.slices), bool)
     for corners in grid.local(triangles):
         if abs(np.linalg.det(corners)) < 1e-12:
             continue
         least, most = corners[:, 2].min(), corners[:, 2].max()
-        # n · (d ray) = n · corner, so that the depth d of the plane along a ray of depth 1 is n · corner / n · ray
+        # the plane along a ray of depth 1 has the depth n · corner / n · ray
         n = np.cross(corners[1] - corners[0], corners[2] - corners[0])
         offset = n @ corners[0]
         weights, depth = _at(grid, corners, n, offset, 0.5, 0.5)
@@ -214,10 +220,14 @@ def meets(grid: Grid, filled: Bits, s: Segments, dda: bool) -> Bits:
             continue
         far = float(np.linalg.norm(along))
         leave = LEAVE * float(grid.width(start, along / far)) / far
-        cuts = _crossings(grid, start, along, low, high, leave) if dda else np.linspace(low, high, grid.steps + 1)
+        cuts = (
+            _crossings(grid, start, along, low, high, leave)
+            if dda
+            else np.linspace(low, high, grid.steps + 1)
+        )
         thick = 0.0 if dda else np.copysign(THICK, along[2]) / grid.per_depth
         leaving = True
-        for a, b in zip(cuts[:-1], cuts[1:], strict=True):
+        for a, b in itertools.pairwise(cuts):
             middle = 0.5 * (a + b)
             at, q = a if dda else middle, start + middle * along
             z0, z1 = sorted((start[2] + a * along[2], start[2] + b * along[2] + thick))

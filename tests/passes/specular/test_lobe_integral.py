@@ -79,7 +79,7 @@ def test_a_picture_is_integrated(runner: Runner, rng: np.random.Generator, expon
     view, points = floor(rng, exponent)
     light = screen(rng.uniform(0, 1, (7, 9, 3)) ** 3 * 5)
     found = shade(runner, view, points, light)[:, :3]
-    expected = reflected(light, points)
+    expected = reflected(light, points, 315)
     assert np.sqrt(np.mean((found - expected) ** 2)) < 0.02 * np.sqrt(np.mean(expected**2))
     upside_down = Area(light.corner, light.u, light.v, light.radiance[::-1])
     wrong = reflected(upside_down, points)

@@ -1,4 +1,4 @@
-"""`map_rays`: a ray for each texel of the shadow maps of a light's samples, and the distances that come back."""
+"""`map_rays`: rays of the texels of a light's shadow maps, and the distances that come back."""
 
 from __future__ import annotations
 
@@ -33,7 +33,10 @@ def test_rays_go_through_the_middles_of_texels(
     texel = first + np.arange(count)
     within, number = texel % resolution**2, texel // resolution**2
     back = number % sides == 1
-    ways = [direction(n, np.stack([within % resolution, within // resolution], -1), resolution) for n in (normal, -normal)]
+    ways = [
+        direction(n, np.stack([within % resolution, within // resolution], -1), resolution)
+        for n in (normal, -normal)
+    ]
     expected = np.where(back[:, None], ways[1], ways[0])
     start = points[number // sides, :3] + 0.01 * np.where(back, -1, 1)[:, None] * normal
     assert_within(rays["direction"], expected, 40 * ULP, "directions")
@@ -66,7 +69,9 @@ def test_distances_are_stored_where_they_belong(runner: Runner, rng: np.random.G
     hits["instance"][::7] = MISS
     params = record(MAP, resolution=8, sides=1, first=first, count=count)
     before = np.full(200, 9, np.float32)
-    out = runner("passes/visibility/map_rays", count, entry="store", params=params, hits=hits, distances=before)
+    out = runner(
+        "passes/visibility/map_rays", count, entry="store", params=params, hits=hits, distances=before
+    )
     found = read(out, "distances", np.float32)
     expected = before.copy()
     expected[first : first + count] = np.where(hits["instance"] == MISS, FAR, hits["t"])

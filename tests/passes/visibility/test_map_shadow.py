@@ -1,4 +1,4 @@
-"""`map_shadow`: which samples of a light receivers see by random shadow maps, against the same rule in float64."""
+"""`map_shadow`: what receivers see of a light by random shadow maps, against float64."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ FIRST = 77  # maps of other lights come before
 
 @dataclasses.dataclass
 class Case:
-    """Receivers, patterns × strata samples of one light, and a map of each sample's first pattern and side."""
+    """Receivers, patterns × strata samples of one light, and the first pattern's maps."""
 
     receivers: NDArray[Any]
     points: NDArray[np.float32]

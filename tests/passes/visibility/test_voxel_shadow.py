@@ -1,4 +1,4 @@
-"""`voxel_shadow`: which samples of a light receivers see through random voxels, against the same rule in float64."""
+"""`voxel_shadow`: what receivers see of a light through random voxels, against float64."""
 
 from __future__ import annotations
 
@@ -94,9 +94,9 @@ def _facing(case: Case) -> tuple[Bits, Bits, NDArray[np.float64], NDArray[np.flo
     r, patterns = case.receivers, len(case.points) // case.strata
     live = r["pattern"] < patterns
     points = case.points.reshape(patterns, case.strata, 4)[np.where(live, r["pattern"], 0), :, :3]
-    points = points.astype(np.float64)
-    origin = np.broadcast_to(r["origin"].astype(np.float64)[:, None], points.shape)
-    d = points - origin
+    points64 = points.astype(np.float64)
+    origin = np.broadcast_to(r["origin"].astype(np.float64)[:, None], points64.shape)
+    d = points64 - origin
     unit = d / np.linalg.norm(d, axis=-1, keepdims=True)
     cosines = [np.einsum("rsk,rk->rs", unit, r[name]) for name in ("normal_geo", "normal_shade")]
     if not case.two_sided:
@@ -104,7 +104,7 @@ def _facing(case: Case) -> tuple[Bits, Bits, NDArray[np.float64], NDArray[np.flo
     if case.cos_cutoff > -1:
         cosines.append(-unit @ case.normal - case.cos_cutoff)
     smallest = np.minimum.reduce(cosines)
-    return (smallest > 0) & live[:, None], np.abs(smallest) < 1e-5, points, origin
+    return (smallest > 0) & live[:, None], np.abs(smallest) < 1e-5, points64, origin
 
 
 def _reference(case: Case, dda: bool) -> tuple[Bits, Bits, Bits]:

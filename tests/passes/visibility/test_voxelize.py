@@ -112,19 +112,23 @@ def test_a_wall_before_the_camera_is_closed(runner: Runner, rng: np.random.Gener
     grid = random_grid(rng, 70, 50, 4)
     depth = 3.0
     corners = depth * np.array([(-5, -5, 1), (5, -5, 1), (5, 5, 1), (-5, 5, 1)], float)
-    mesh = Placed(corners @ grid.axes + grid.eye, np.array([[0, 1, 2], [0, 2, 3]], np.uint32), np.eye(4), np.ones(3))
+    mesh = Placed(
+        corners @ grid.axes + grid.eye, np.array([[0, 1, 2], [0, 2, 3]], np.uint32), np.eye(4), np.ones(3)
+    )
     found = _run(runner, grid, [mesh])
     assert found.any(2).all()
     assert found.sum(2).max() <= 2
-    near = (np.argmax(found, 2) - (depth - grid.near) * grid.per_depth)
+    near = np.argmax(found, 2) - (depth - grid.near) * grid.per_depth
     assert (np.abs(near) <= 1.01).all()
 
 
 def test_a_floor_that_passes_under_the_camera_is_closed(runner: Runner, rng: np.random.Generator) -> None:
-    """A floor from behind the eye to beyond the last slice: in each cell that sees it, the slices it runs through."""
+    """From behind the eye to beyond the last slice: in each cell that sees it, what it runs through."""
     grid = random_grid(rng, 64, 64, 4)
     corners = np.array([(-90, 1, -90), (90, 1, -90), (90, 1, 90), (-90, 1, 90)], float)
-    mesh = Placed(corners @ grid.axes + grid.eye, np.array([[0, 1, 2], [0, 2, 3]], np.uint32), np.eye(4), np.ones(3))
+    mesh = Placed(
+        corners @ grid.axes + grid.eye, np.array([[0, 1, 2], [0, 2, 3]], np.uint32), np.eye(4), np.ones(3)
+    )
     found = _run(runner, grid, [mesh])
     rows = np.arange(grid.rows) + 0.5
     depth = grid.scale[1] / np.maximum(rows - grid.center[1], 1e-9)
