@@ -1,6 +1,7 @@
 // Incremental visibility [NPW10 Sec. 3.3.2]: a bit of a light sample on which the 3 x 3 nodes of the level above agree is
 // taken from them, the others are asked. Deviations: on one surface the four nodes around are enough, because what lies
-// behind an edge says little; nodes that are turned away from a sample know nothing of it, and some must have asked it;
+// behind an edge says little; below a coarsest node across an edge all is asked, because what is smaller than such nodes may
+// throw its shadow between them; nodes that are turned away from a sample know nothing of it, and some must have asked it;
 // and as long as nodes are far apart, a sample beside one in doubt, on the light, is asked as well: the shadow of a thin
 // occluder moves over the light from node to node (N20).
 //   ask     bits that are known from the level above, and those to ask
@@ -9,6 +10,7 @@
 // and as many of those that it sees.
 
 import package::common::alike::alike;
+import package::common::fragment::ROUGH;
 import package::common::grid::{Grid, item_index};
 import package::common::nodes::{neighbour_node, node_at, node_rows};
 import package::common::pyramid::{pyramid, texel_of};
@@ -123,10 +125,13 @@ fn ask(
     let node = params.first + i;
     let receiver = node_receivers[node];
     let row = node_rows[node];
-    let root = pyramid.level == pyramid.coarsest;
+    var trusts = params.reuse != 0u && pyramid.level < pyramid.coarsest;
+    if trusts && pyramid.level + 1u == pyramid.coarsest {
+        trusts = (node_rows[row.w].z & ROUGH) == 0u;
+    }
     var nodes: array<u32, 9>;
     var around: array<u32, 9>;
-    if params.reuse != 0u && !root {
+    if trusts {
         let texel = texel_of(pyramid.levels[pyramid.level], row.x - pyramid.levels[pyramid.level].z);
         for (var k = 0u; k < 9u; k++) {
             let other = neighbour_node(pyramid.level + 1u, texel / 2u, k);

@@ -126,6 +126,8 @@ def expected(case: Case, level: int, reuse: bool = True) -> tuple[Flags, Flags, 
     if not reuse or level == tree.coarsest:
         return face, ask, lit
     for i, (number, node) in enumerate(tree.of(level)):
+        if level + 1 == tree.coarsest and tree.nodes[node.parent].rough:
+            continue  # across an edge the coarsest nodes may have missed a shadow
         near = tree.neighbours(level + 1, node.row // 2, node.column // 2)
         there = [k for k in range(9) if near[k] is not None]
         same = [k for k in there if k in around(node) and alike(receivers[number], receivers[near[k]])]
