@@ -44,7 +44,6 @@ fn twins() -> Vec<(Layout, &'static str, &'static str)> {
     let node = host_layout!(LightNode { place, pad, moment });
     let moments = host_layout!(MomentsParams { mean, cell_area, fine, coarse, pad0, pad1 });
     let mut all = adaptive();
-    all.extend(occlusion());
     all.extend(level_layouts::twins());
     all.extend(vec![
         (irradiance(), "common/light_pixel", "IrradianceParams"),
@@ -378,6 +377,7 @@ fn the_host_writes_flags_where_the_shaders_read_them() {
             albedo: Vec3::ONE,
             texture: textured.then(|| Arc::clone(&texture)),
             vertex_colors,
+            lobe: [0.0; 4],
         };
         Prepared::new(&Snapshot { instances: vec![instance], ..Default::default() }).placed[0].record.flags
     };

@@ -1,10 +1,11 @@
-//! Twins of the passes that work level by level.
+//! Twins of the passes that work level by level, and of lobes.
 
 use miplight::gpu::layout::Layout;
 use miplight::host_layout;
 use miplight::passes::gather::interleaved::InterleavedParams;
 use miplight::passes::refine::incremental::IncrementalParams;
 use miplight::passes::refine::nodes::NodesParams;
+use miplight::passes::specular::LobeLight;
 use miplight::passes::visibility::reuse::ReuseParams;
 
 /// Twins by their place in the shaders.
@@ -16,7 +17,27 @@ pub fn twins() -> Vec<(Layout, &'static str, &'static str)> {
         (reuse(), "passes/visibility/reuse", "ReuseParams"),
         (interleaved(), "passes/gather/interleaved", "InterleavedParams"),
         (incremental, "passes/refine/incremental", "IncrementalParams"),
+        (lobe_light(), "common/lobe_patch", "LobeLight"),
     ]
+}
+
+fn lobe_light() -> Layout {
+    host_layout!(LobeLight {
+        corner,
+        two_sided,
+        edge_u,
+        area,
+        edge_v,
+        light,
+        normal,
+        seed,
+        dual_u,
+        columns,
+        dual_v,
+        rows,
+        radiance,
+        side
+    })
 }
 
 fn reuse() -> Layout {
