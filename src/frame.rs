@@ -68,6 +68,8 @@ pub struct FrameInfo {
     pub stats: Stats,
     /// Every setting, resolved.
     pub settings: Settings,
+    /// Whether lobes had fragments of their own.
+    pub lobes: bool,
     /// Inner resources that were asked for.
     pub keep: Vec<String>,
 }

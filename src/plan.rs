@@ -101,6 +101,11 @@ pub const TEXTURED_SHARE: &str = "direct/textured_share";
 pub const IRRADIANCE: &str = "direct/irradiance";
 /// What the lobes of surfaces reflect of the lights.
 pub const SPECULAR: &str = "direct/specular";
+/// By the integral over the part of an area light that a lobe reaches, times the share of it that is seen.
+pub const LOBE_INTEGRAL: [&str; 3] = ["direct/lobe_integral", "direct/lobe_rays", "direct/lobe_ratio"];
+/// On fragments of their own, by samples in the lobe.
+pub const LOBES: [&str; 5] =
+    ["direct/lobe_levels", "direct/lobe_points", "direct/lobe_ask", "direct/lobe_visible", "direct/lobe_gather"];
 /// Passes of indirect light.
 pub const INDIRECT: [&str; 5] =
     ["indirect/gather_rays", "indirect/trace", "indirect/gather_hits", "indirect/shadow", "indirect/gather_sum"];
@@ -115,6 +120,11 @@ impl Plan {
             None => self.passes.extend(passes),
             Some(reason) => self.skipped.extend(passes.iter().map(|p| (*p, reason))),
         }
+    }
+
+    /// Whether anything of lobes runs.
+    pub fn runs_specular(&self) -> bool {
+        [SPECULAR, LOBE_INTEGRAL[0], LOBES[0]].iter().any(|pass| self.runs(pass))
     }
 
     /// Whether a pass runs.
@@ -143,7 +153,8 @@ pub fn plan(facts: SceneFacts, settings: &Settings, valid: Valid) -> Plan {
     plan.add_direct(facts, settings, direct);
     plan.add_adaptive(facts, settings, direct);
     let matt = (facts.specular == 0).then_some("no material has a specular part");
-    plan.add(&[SPECULAR], direct.or(settings.is("specular", "off").then_some("specular is off")).or(matt));
+    let matt = direct.or(settings.is("specular", "off").then_some("specular is off")).or(matt);
+    plan.add_specular(facts, settings, matt);
 
     let indirect = settings.is("indirect", "off").then_some("indirect is off").or(no_surface).or(no_light);
     plan.add(&INDIRECT, indirect);
@@ -233,6 +244,23 @@ impl Plan {
         self.add(&[BILATERAL], direct.or(other).or(to_the_pixels));
     }
 
+    /// What lobes reflect; `matt`: why nothing.
+    fn add_specular(&mut self, facts: SceneFacts, settings: &Settings, matt: Option<&'static str>) {
+        let no_area = (facts.area_lights == 0).then_some("no area light emits anything");
+        let no_spot = (facts.spot_lights == 0).then_some("there is no spot light, and area lights have a better way");
+        let ratio = settings.is("direct_estimator", "ratio");
+        let summed = !ratio && settings.is("refine", "none");
+        let unshadowed = settings.is("visibility", "none").then_some("visibility is none");
+        self.add(&[SPECULAR], matt.or(if summed { None } else { no_spot }));
+        let samples = (!ratio).then_some("direct_estimator is samples");
+        self.add(&LOBE_INTEGRAL[..1], matt.or(samples).or(no_area));
+        self.add(&LOBE_INTEGRAL[1..2], matt.or(samples).or(no_area).or(unshadowed));
+        self.add(&LOBE_INTEGRAL[2..], matt.or(samples).or(no_area));
+        let pixels =
+            (ratio || summed).then_some("lobes have no fragments: refine is none or direct_estimator is ratio");
+        self.add(&LOBES, matt.or(pixels).or(no_area));
+    }
+
     /// Tiles, cells, penumbrae.
     fn add_adaptive(&mut self, facts: SceneFacts, settings: &Settings, direct: Option<&'static str>) {
         let other = (!is_adaptive(settings))
@@ -284,6 +312,8 @@ mod tests {
             &VOXELS,
             &MAPS,
             &[TEXTURED_SHARE, IRRADIANCE, BILATERAL, SPECULAR],
+            &LOBE_INTEGRAL,
+            &LOBES,
             &INDIRECT,
             &[COMPOSITE, DOWNSAMPLE],
         ]

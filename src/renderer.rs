@@ -20,7 +20,7 @@ use crate::passes::visibility::placed::PlacedScene;
 use crate::passes::visibility::trace::{Form, Tracer};
 use crate::passes::{Context, GBuffer, View, gather, indirect};
 use crate::plan::{
-    COMPOSITE, DIRECT, DOWNSAMPLE, FRAGMENTS, GEOMETRY, INDIRECT, IRRADIANCE, Plan, SPECULAR, SceneFacts, Valid, plan,
+    COMPOSITE, DIRECT, DOWNSAMPLE, FRAGMENTS, GEOMETRY, INDIRECT, IRRADIANCE, Plan, SceneFacts, Valid, plan,
 };
 use crate::scene::camera::Camera;
 use crate::scene::prepare::Prepared;
@@ -59,6 +59,10 @@ struct Kept {
     irradiance: [Option<Buffer<[f32; 4]>>; 2],
     /// Level and reason of each pixel's fragment, unless every fragment is a pixel.
     levels: Option<[Buffer<u32>; 2]>,
+    /// The same of the lobes' fragments.
+    specular_levels: Option<[Buffer<u32>; 2]>,
+    /// Radiance that lobes reflect, internal pixels.
+    specular: Option<Buffer<[f32; 4]>>,
     /// What incremental refinement looked at.
     looked: Option<Looked>,
 }
@@ -189,6 +193,7 @@ impl Renderer {
         let active = work.active.map(|active| self.gpu.read(&active)).transpose()?.map_or(0, |a| u64::from(a[0]));
         let mut stats = statistics(&plan, times, started);
         stats.levels.iter_mut().for_each(|(level, nodes, _)| *nodes = kept.nodes(*level));
+        let specular_fragments = kept.specular_levels.is_some();
         state.kept = Some(kept);
         stats.rays = work.rays + state.tracer.device_rays(&self.gpu)?;
         stats.light_evaluations = active * work.samples;
@@ -206,6 +211,7 @@ impl Renderer {
             stats,
             settings: settings.clone(),
             keep: keep.to_vec(),
+            lobes: specular_fragments,
         })
     }
 }
@@ -278,7 +284,7 @@ impl State {
         let gbuffer = gbuffer::buffers(&mut context)?;
         context.scoped("geometry", |context| geometry(context, plan, &gbuffer))?;
         let direct = match [DIRECT[1], FRAGMENTS[1], IRRADIANCE].iter().any(|pass| plan.runs(pass)) {
-            true => Some(context.scoped("direct", |context| gather::record(context, &gbuffer, plan.runs(SPECULAR)))?),
+            true => Some(context.scoped("direct", |context| gather::record(context, &gbuffer, plan.runs_specular()))?),
             false => None,
         };
         let indirect = match plan.runs(INDIRECT[0]) {
@@ -301,8 +307,23 @@ impl State {
         };
         let levels = direct.as_ref().and_then(|d| d.levels.clone());
         let looked = direct.as_ref().and_then(|d| d.looked.clone());
+        let specular_levels = direct.as_ref().and_then(|d| d.specular_levels.clone());
+        let specular = direct.as_ref().and_then(|d| d.specular.clone());
         let irradiance = [direct.map(|d| d.irradiance), indirect];
-        Ok((Kept { view, anchor: prepared.anchor, gbuffer, images, irradiance, levels, looked }, work))
+        Ok((
+            Kept {
+                view,
+                anchor: prepared.anchor,
+                gbuffer,
+                images,
+                irradiance,
+                levels,
+                specular_levels,
+                specular,
+                looked,
+            },
+            work,
+        ))
     }
 }
 

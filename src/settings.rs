@@ -109,7 +109,7 @@ pub const SPECS: &[Spec] = &[
     choice(
         "specular_visibility",
         &["ray", "variance"],
-        &["ray"],
+        &["ray", "variance"],
         "ray",
         "Visibility of the specular part: rays to samples in the lobe, or the variance of distances to occluders.",
         "[NPW10 Sec. 3.3.3]",
@@ -275,6 +275,13 @@ pub const SPECS: &[Spec] = &[
             "[NPW10 Sec. 3.3.2]",
         )
     },
+    threshold(
+        "lobe_threshold",
+        0.5,
+        "Turn of the mirror direction over a fragment above which it is split, as a share of the lobe's half-width at half \
+         maximum; fragments of lobes only; None: never.",
+        "[NPW10 Sec. 3.2.1]",
+    ),
     choice("specular", OFF_ON, OFF_ON, "on", "The specular part of materials.", "[NPW10 Sec. 3.2.1]"),
     Spec {
         name: "supersample",

@@ -16,6 +16,19 @@ fn sum_at(size: vec2u, at: vec2f) -> vec3f {
     return mix(below, mix(light_sums[i + row].xyz, light_sums[i + row + 1u].xyz, f.x), f.y);
 }
 
+// Mean between two places (a, b) of a picture with this mean.
+fn rectangle_mean(size: vec2u, mean: vec3f, lo: vec2f, hi: vec2f) -> vec3f {
+    let texels = vec2f(size);
+    let a = clamp(lo, vec2f(0.0), vec2f(1.0)) * texels;
+    let b = clamp(hi, vec2f(0.0), vec2f(1.0)) * texels;
+    let area = (b.x - a.x) * (b.y - a.y);
+    if area < LEAST_SHARE * texels.x * texels.y {
+        return mean_about(size, mean, 0.5 * (a + b));
+    }
+    let whole = sum_at(size, b) - sum_at(size, vec2f(a.x, b.y)) - sum_at(size, vec2f(b.x, a.y)) + sum_at(size, a);
+    return max(mean + whole / area, vec3f(0.0));
+}
+
 // Mean about a place in texels, over a rectangle just large enough.
 fn mean_about(size: vec2u, mean: vec3f, at: vec2f) -> vec3f {
     let texels = vec2f(size);

@@ -147,6 +147,21 @@ impl<'a> Recorder<'a> {
         gpu.scoped(&format!("copying {from:?}"), || encoder.copy_buffer_to_buffer(from.raw(), 0, to.raw(), 0, bytes))
     }
 
+    /// Copies elements of `range` to the front of another buffer, in order with the passes.
+    ///
+    /// # Errors
+    /// [`Error::Device`] when they do not fit.
+    pub fn copy_from<T: Pod>(&mut self, from: &Buffer<T>, range: std::ops::Range<usize>, to: &Buffer<T>) -> Result<()> {
+        from.check_range(&range)?;
+        to.check_range(&(0..range.len()))?;
+        let size = size_of::<T>();
+        let (first, bytes) = ((range.start * size) as u64, (range.len() * size) as u64);
+        let gpu = self.gpu.clone();
+        let encoder = self.encoder();
+        let copy = || encoder.copy_buffer_to_buffer(from.raw(), first, to.raw(), 0, bytes);
+        gpu.scoped(&format!("copying {from:?}"), copy)
+    }
+
     /// Submits what is recorded, without waiting for it.
     ///
     /// # Errors

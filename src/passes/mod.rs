@@ -7,6 +7,7 @@ pub mod gather;
 pub mod geometry;
 pub mod indirect;
 pub mod lights;
+pub mod lobes;
 pub mod refine;
 pub mod scene_buffers;
 pub mod specular;

@@ -14,7 +14,7 @@ pub(super) const SURFACE: u32 = 1;
 const FIRST_LIGHT: u32 = 2;
 
 /// Everything that can be read from a frame.
-pub(super) const NAMES: [&str; 17] = [
+pub(super) const NAMES: [&str; 18] = [
     "image",
     "direct",
     "indirect",
@@ -32,12 +32,19 @@ pub(super) const NAMES: [&str; 17] = [
     "light",
     "direct_irradiance",
     "indirect_irradiance",
+    "specular_radiance",
 ];
+
+/// What there is besides where lobes have fragments of their own.
+const LOBE_NAMES: [&str; 2] = ["specular_level_map", "specular_reason_map"];
 
 /// # Errors
 /// `Settings` for a name that no frame has.
 pub(super) fn check_names(names: &[String]) -> Result<()> {
-    match names.iter().find(|name| !NAMES.contains(&name.as_str()) && !is_level_name(name)) {
+    match names
+        .iter()
+        .find(|name| !NAMES.contains(&name.as_str()) && !LOBE_NAMES.contains(&name.as_str()) && !is_level_name(name))
+    {
         None => Ok(()),
         Some(unknown) => Err(Error::Settings(format!(
             "there is no resource {unknown:?} to keep; there are: {}, and with refine=\"incremental\" bits, \
@@ -56,8 +63,9 @@ pub(super) fn xyz(row: &Row) -> [f32; 3] {
 impl Renderer {
     /// What can be read from a frame.
     pub fn names(&self, frame: &FrameInfo) -> Vec<String> {
+        let lobes = LOBE_NAMES.iter().filter(|_| frame.lobes).map(|name| (*name).to_owned());
         let asked = frame.keep.iter().filter(|name| !NAMES.contains(&name.as_str()));
-        NAMES.iter().map(|name| (*name).to_owned()).chain(asked.cloned()).collect()
+        NAMES.iter().map(|name| (*name).to_owned()).chain(lobes).chain(asked.cloned()).collect()
     }
 
     /// A resource of a frame.
@@ -96,6 +104,18 @@ impl Kept {
                 Ok(Image { width, height, pixels: Pixels::Rgb(pixels) })
             }
             "level_map" | "reason_map" => self.fragments(gpu, name == "level_map"),
+            "specular_level_map" | "specular_reason_map" => match &self.specular_levels {
+                Some(maps) => self.bytes(gpu, &maps[usize::from(name == "specular_reason_map")]),
+                None => Err(Error::Settings(format!("{name:?}: no fragments of lobes in this frame"))),
+            },
+            "specular_radiance" => {
+                let (width, height) = (self.view.width, self.view.height);
+                let pixels = match &self.specular {
+                    Some(buffer) => three(&gpu.read(buffer)?),
+                    None => vec![0.0; 3 * self.view.pixels()],
+                };
+                Ok(Image { width, height, pixels: Pixels::Rgb(pixels) })
+            }
             _ if is_level_name(name) => self.levels(gpu, name),
             _ => whole(self.aov(gpu, frame, name)?),
         }
@@ -104,8 +124,7 @@ impl Kept {
     /// Fragment maps are at the internal size: one fragment of level 0 for each pixel that sees a surface.
     fn fragments(&self, gpu: &Gpu, level: bool) -> Result<Image> {
         if let Some(maps) = &self.levels {
-            let bytes = gpu.read(&maps[usize::from(!level)])?.iter().map(|&word| word as u8).collect();
-            return Ok(Image { width: self.view.width, height: self.view.height, pixels: Pixels::Bytes(bytes) });
+            return self.bytes(gpu, &maps[usize::from(!level)]);
         }
         let byte = |row: &Row| match (row[3], level) {
             (NOTHING, _) => LEVEL_NOTHING,
@@ -115,6 +134,11 @@ impl Kept {
             (_, false) => Reason::Emitter as u8,
         };
         let bytes = gpu.read(&self.gbuffer.normal)?.iter().map(byte).collect();
+        Ok(Image { width: self.view.width, height: self.view.height, pixels: Pixels::Bytes(bytes) })
+    }
+
+    fn bytes(&self, gpu: &Gpu, map: &Buffer<u32>) -> Result<Image> {
+        let bytes = gpu.read(map)?.iter().map(|&word| word as u8).collect();
         Ok(Image { width: self.view.width, height: self.view.height, pixels: Pixels::Bytes(bytes) })
     }
 

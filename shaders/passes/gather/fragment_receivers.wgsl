@@ -1,8 +1,8 @@
 // The shading point of each fragment: its surface pixel nearest to its middle. In: G-buffer, list of fragments.
 // Out: receivers, whose `pixel` is the fragment's number in the list; fragment_at.
 
-import package::common::gbuffer::SURFACE;
 import package::common::grid::{Grid, item_index};
+import package::common::middle_pixel::{g_normal, middle_pixel};
 import package::common::pyramid::{footprint, pyramid, texel_number};
 import package::common::ray::Receiver;
 import package::common::receiver::{pattern_of, receiver_of};
@@ -18,32 +18,11 @@ struct FragmentReceiversParams {
 @group(0) @binding(30) var<uniform> grid: Grid;
 @group(0) @binding(0) var<uniform> params: FragmentReceiversParams;
 @group(0) @binding(2) var<storage, read> g_position: array<vec4u>;
-@group(0) @binding(3) var<storage, read> g_normal: array<vec4u>;
 @group(0) @binding(4) var<storage, read> g_geometric: array<vec4u>;
 @group(0) @binding(5) var<storage, read> fragment_list: array<u32>;
 @group(0) @binding(6) var<storage, read> fragment_flags: array<u32>;
 @group(0) @binding(7) var<storage, read_write> receivers: array<Receiver>;
 @group(0) @binding(8) var<storage, read_write> fragment_at: array<u32>;
-
-// The first of the nearest to the middle, row by row.
-fn middle_pixel(pixels: vec4u) -> vec2u {
-    var best = pixels.xy + pixels.zw / 2u;
-    if g_normal[best.y * pyramid.levels[0].x + best.x].w == SURFACE {
-        return best;
-    }
-    let middle = vec2i(2u * pixels.xy + pixels.zw) - 1;
-    var least = 0x7fffffff;
-    for (var k = 0u; k < pixels.z * pixels.w; k++) {
-        let pixel = pixels.xy + vec2u(k % pixels.z, k / pixels.z);
-        let apart = 2 * vec2i(pixel) - middle;
-        let far = apart.x * apart.x + apart.y * apart.y;
-        if far < least && g_normal[pixel.y * pyramid.levels[0].x + pixel.x].w == SURFACE {
-            least = far;
-            best = pixel;
-        }
-    }
-    return best;
-}
 
 @compute @workgroup_size(64)
 fn main(

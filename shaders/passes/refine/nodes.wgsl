@@ -6,8 +6,8 @@
 // In: texel_state, G-buffer, nodes of the level above. Out: node_flags; node_rows, node_at, node_receivers.
 
 import package::common::fragment::{LIT, ROUGH};
-import package::common::gbuffer::SURFACE;
 import package::common::grid::{Grid, item_index};
+import package::common::middle_pixel::{g_normal, middle_pixel};
 import package::common::nodes::{SPLIT, class_of, node_at, node_rows};
 import package::common::pyramid::{footprint, pyramid, texel_number, texel_of};
 import package::common::ray::Receiver;
@@ -32,7 +32,6 @@ const NO_PARENT: u32 = 0xffffffffu;
 @group(0) @binding(2) var<storage, read_write> node_flags: array<u32>;
 @group(0) @binding(3) var<storage, read> node_list: array<u32>;
 @group(0) @binding(4) var<storage, read> g_position: array<vec4u>;
-@group(0) @binding(5) var<storage, read> g_normal: array<vec4u>;
 @group(0) @binding(6) var<storage, read> g_geometric: array<vec4u>;
 @group(0) @binding(7) var<storage, read_write> node_receivers: array<Receiver>;
 
@@ -77,26 +76,6 @@ fn children(
         }
     }
     node_flags[i] = flag;
-}
-
-// The first of the nearest to the middle, row by row.
-fn middle_pixel(pixels: vec4u) -> vec2u {
-    var best = pixels.xy + pixels.zw / 2u;
-    if g_normal[best.y * pyramid.levels[0].x + best.x].w == SURFACE {
-        return best;
-    }
-    let middle = vec2i(2u * pixels.xy + pixels.zw) - 1;
-    var least = 0x7fffffff;
-    for (var k = 0u; k < pixels.z * pixels.w; k++) {
-        let pixel = pixels.xy + vec2u(k % pixels.z, k / pixels.z);
-        let apart = 2 * vec2i(pixel) - middle;
-        let far = apart.x * apart.x + apart.y * apart.y;
-        if far < least && g_normal[pixel.y * pyramid.levels[0].x + pixel.x].w == SURFACE {
-            least = far;
-            best = pixel;
-        }
-    }
-    return best;
 }
 
 @compute @workgroup_size(64)

@@ -7,9 +7,9 @@
 // In: G-buffer, pyramid, lights. Out: texel_state, level_map, reason_map, fragment_flags, fragment_at.
 
 import package::common::fragment::{
-    CULLED, FACES_AWAY, FRAGMENT, LEVEL_CULLED, LEVEL_NOTHING, LIES_BEHIND, LIT, ON_SURFACE, REASON_BEHIND_LIGHT,
-    REASON_COARSEST, REASON_DEPTH, REASON_EMITTER, REASON_FACING_AWAY, REASON_NORMAL, REASON_NOTHING, ROUGH,
-    ROUGH_DEPTH, ROUGH_NORMAL,
+    CULLED, FACES_AWAY, FRAGMENT, LEVEL_CULLED, LEVEL_NOTHING, LIES_BEHIND, LIT, ON_SURFACE, OUTSIDE_LOBE,
+    REASON_BEHIND_LIGHT, REASON_COARSEST, REASON_DEPTH, REASON_EMITTER, REASON_FACING_AWAY, REASON_LOBE, REASON_NORMAL,
+    REASON_NOTHING, REASON_OUTSIDE_LOBE, ROUGH, ROUGH_DEPTH, ROUGH_LOBE, ROUGH_NORMAL,
 };
 import package::common::gbuffer::{NOTHING, SURFACE, floats};
 import package::common::grid::{Grid, item_index};
@@ -174,8 +174,10 @@ fn choose(
         state = texel_state[number];
     }
     let culled = (state & LIT) == 0u;
-    let finer = select(select(REASON_COARSEST, REASON_NORMAL, (above & ROUGH_NORMAL) != 0u), REASON_DEPTH, (above & ROUGH_DEPTH) != 0u);
-    let dark = select(REASON_BEHIND_LIGHT, REASON_FACING_AWAY, (state & FACES_AWAY) != 0u);
+    let lobe = select(REASON_COARSEST, REASON_LOBE, (above & ROUGH_LOBE) != 0u);
+    let finer = select(select(lobe, REASON_NORMAL, (above & ROUGH_NORMAL) != 0u), REASON_DEPTH, (above & ROUGH_DEPTH) != 0u);
+    let away = select(REASON_BEHIND_LIGHT, REASON_FACING_AWAY, (state & FACES_AWAY) != 0u);
+    let dark = select(away, REASON_OUTSIDE_LOBE, (state & OUTSIDE_LOBE) != 0u);
     let at = pixel.y * pyramid.levels[0].x + pixel.x;
     let kind = g_normal[at].w;
     let outside = select(vec2u(LEVEL_CULLED, REASON_EMITTER), vec2u(LEVEL_NOTHING, REASON_NOTHING), kind == NOTHING);

@@ -98,7 +98,17 @@ pub fn record(context: &mut Context<'_, '_>, gbuffer: &GBuffer, keep: bool) -> R
     }
     levels.finish(context, gbuffer, &pixel_lights)?;
     let levels = Some([levels.level_map, levels.reason_map]);
-    Ok(Direct { irradiance, active, samples: 1, levels, empty: found.empty(), specular: None, proven, looked: None })
+    Ok(Direct {
+        irradiance,
+        active,
+        samples: 1,
+        levels,
+        empty: found.empty(),
+        specular: None,
+        specular_levels: None,
+        proven,
+        looked: None,
+    })
 }
 
 /// What the lists of all lights held together.

@@ -47,5 +47,15 @@ pub fn record(context: &mut Context<'_, '_>, gbuffer: &GBuffer) -> Result<Direct
     let levels = Some([fragments.level_map, fragments.reason_map]);
     let why = "every pixel is culled or sees nothing";
     let empty = if count == 0 { vec![("direct/fragment_receivers", why), (occlusion.pass(), why)] } else { vec![] };
-    Ok(Direct { irradiance, active, samples, levels, empty, specular: None, proven: Vec::new(), looked: None })
+    Ok(Direct {
+        irradiance,
+        active,
+        samples,
+        levels,
+        empty,
+        specular: None,
+        specular_levels: None,
+        proven: Vec::new(),
+        looked: None,
+    })
 }

@@ -167,6 +167,7 @@ impl Work<'_> {
             levels,
             empty,
             specular: None,
+            specular_levels: None,
             proven: Vec::new(),
             looked: Some(Looked { nodes, bits }),
         })

@@ -44,6 +44,8 @@ pub struct Direct {
     pub empty: Vec<(&'static str, &'static str)>,
     /// Radiance that lobes reflect, a pixel each, where some surface has one.
     pub specular: Option<Buffer<[f32; 4]>>,
+    /// Level and reason of the fragments of the lobes, where they have some.
+    pub specular_levels: Option<[Buffer<u32>; 2]>,
     /// For each light what is proven of each tile, where lobes want to know.
     pub proven: Vec<Option<Buffer<u32>>>,
     /// What incremental refinement looked at.
@@ -80,24 +82,31 @@ pub fn record(context: &mut Context<'_, '_>, gbuffer: &GBuffer, specular: bool) 
         direct
     };
     if specular {
-        direct.specular = Some(lobes(context, gbuffer, &direct.proven)?);
+        let (target, levels) = lobes(context, gbuffer, &direct.proven)?;
+        direct.specular = Some(target);
+        direct.specular_levels = levels;
     }
     Ok(direct)
 }
 
-/// What lobes reflect: of area lights by their integral where `direct_estimator` is ratio, else sample by sample.
-fn lobes(context: &mut Context<'_, '_>, gbuffer: &GBuffer, proven: &[Option<Buffer<u32>>]) -> Result<Buffer<[f32; 4]>> {
-    let ratio = context.settings.is("direct_estimator", "ratio");
-    let first = if ratio { context.prepared.area_lights } else { 0 };
+/// What lobes reflect: spots sample by sample, area lights by their integral where `direct_estimator` is ratio, else on
+/// fragments of their own.
+fn lobes(context: &mut Context<'_, '_>, gbuffer: &GBuffer, proven: &[Option<Buffer<u32>>]) -> Result<Lobes> {
     let target = specular::target(context)?;
-    if first < context.prepared.lights {
-        pixels(context, gbuffer, None, Some(&target), first)?;
+    let areas = context.prepared.area_lights;
+    if areas < context.prepared.lights {
+        pixels(context, gbuffer, None, Some(&target), areas)?;
     }
-    if ratio {
+    if context.settings.is("direct_estimator", "ratio") {
         crate::passes::specular::record(context, gbuffer, proven, &target)?;
+        return Ok((target, None));
     }
-    Ok(target)
+    let levels = crate::passes::lobes::record(context, gbuffer, &target)?;
+    Ok((target, Some(levels)))
 }
+
+/// Radiance a pixel, and level and reason of its fragment where there are fragments.
+type Lobes = (Buffer<[f32; 4]>, Option<[Buffer<u32>; 2]>);
 
 /// Every pixel for itself, lights from number `first` on: the diffuse part, the lobe's, or both from the same visibility.
 fn pixels(
@@ -145,6 +154,7 @@ fn pixels(
         levels: None,
         empty: Vec::new(),
         specular: None,
+        specular_levels: None,
         proven: Vec::new(),
         looked: None,
     })

@@ -122,7 +122,7 @@ pub fn states(context: &mut Context<'_, '_>, gbuffer: &GBuffer) -> Result<(Texel
 /// Those of the device; `Settings` as [`levels`].
 pub fn record(context: &mut Context<'_, '_>, gbuffer: &GBuffer) -> Result<Listed> {
     let (texels, state) = states(context, gbuffer)?;
-    choose(context, gbuffer, texels, &state)
+    choose(context, gbuffer, texels, &state, "")
 }
 
 fn cull(
@@ -140,17 +140,28 @@ fn cull(
     pass.dispatch(pyramid.levels[1][3] as usize)
 }
 
-fn choose(context: &mut Context<'_, '_>, gbuffer: &GBuffer, texels: Texels, state: &Buffer<u32>) -> Result<Listed> {
+/// The fragments that follow from the states of the texels; names of their buffers begin with `prefix`.
+///
+/// # Errors
+/// Those of the device.
+pub fn choose(
+    context: &mut Context<'_, '_>,
+    gbuffer: &GBuffer,
+    texels: Texels,
+    state: &Buffer<u32>,
+    prefix: &str,
+) -> Result<Listed> {
     let (pixels, places) = (context.view.pixels(), context.view.tiled as usize);
+    let name = |plain: &str| format!("{prefix}{plain}");
     let (pool, pyramid) = (&mut *context.resources, texels.pyramid);
     let listed = Listed {
-        flags: pool.buffer("fragment_flags", places)?,
-        list: pool.buffer("fragment_list", places)?,
-        arguments: pool.buffer_for("fragment_arguments", 4, Usage::Indirect)?,
+        flags: pool.buffer(&name("fragment_flags"), places)?,
+        list: pool.buffer(&name("fragment_list"), places)?,
+        arguments: pool.buffer_for(&name("fragment_arguments"), 4, Usage::Indirect)?,
         fragments: Fragments {
-            level_map: pool.buffer("level_map", pixels)?,
-            reason_map: pool.buffer("reason_map", pixels)?,
-            at: pool.buffer("fragment_at", pyramid.texels())?,
+            level_map: pool.buffer(&name("level_map"), pixels)?,
+            reason_map: pool.buffer(&name("reason_map"), pixels)?,
+            at: pool.buffer(&name("fragment_at"), pyramid.texels())?,
             texels,
         },
     };

@@ -58,7 +58,7 @@ pub struct LobeLight {
 }
 
 impl LobeLight {
-    fn of(context: &Context<'_, '_>, light: usize) -> Self {
+    pub(crate) fn of(context: &Context<'_, '_>, light: usize) -> Self {
         let rows = &context.prepared.light_rows[light * LIGHT_ROWS..][..LIGHT_ROWS];
         let [corner, u, v] = light_samples::edges(context, light).map(Vec3::from);
         let xyz = |row: [f32; 4]| Vec3::new(row[0], row[1], row[2]);

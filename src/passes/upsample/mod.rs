@@ -21,14 +21,28 @@ pub fn record(
     own: &Buffer<[f32; 4]>,
 ) -> Result<Buffer<[f32; 4]>> {
     let irradiance = context.resources.buffer("direct_irradiance", context.view.pixels())?;
-    if context.settings.is("upsample", "edge-aware") {
-        edge_aware::record(context, gbuffer, fragments, own, &irradiance)?;
-    } else if context.settings.is("upsample", "bilinear") {
-        bilinear::record(context, fragments, own, &irradiance)?;
-    } else {
-        nearest::record(context, fragments, own, &irradiance)?;
-    }
+    record_into(context, gbuffer, fragments, own, &irradiance)?;
     Ok(irradiance)
+}
+
+/// As [`record`], into an image of the caller's.
+///
+/// # Errors
+/// Those of the device.
+pub fn record_into(
+    context: &mut Context<'_, '_>,
+    gbuffer: &GBuffer,
+    fragments: &Fragments,
+    own: &Buffer<[f32; 4]>,
+    irradiance: &Buffer<[f32; 4]>,
+) -> Result<()> {
+    if context.settings.is("upsample", "edge-aware") {
+        edge_aware::record(context, gbuffer, fragments, own, irradiance)
+    } else if context.settings.is("upsample", "bilinear") {
+        bilinear::record(context, fragments, own, irradiance)
+    } else {
+        nearest::record(context, fragments, own, irradiance)
+    }
 }
 
 /// The images of levels 1 and above.

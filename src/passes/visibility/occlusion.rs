@@ -79,6 +79,11 @@ impl Occlusion {
         Ok(Self::Ray)
     }
 
+    /// Rays, or nothing where `visibility` is none: for what has neither voxels nor maps.
+    pub fn of_rays(context: &Context<'_, '_>) -> Self {
+        if context.settings.is("visibility", "none") { Self::None } else { Self::Ray }
+    }
+
     /// Whether there are bits to ask for; without, everything is seen.
     pub fn asks(&self) -> bool {
         !matches!(self, Self::None)

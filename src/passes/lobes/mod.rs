@@ -1,0 +1,129 @@
+//! What lobes reflect of the lights, the way of [NPW10 Sec. 3.2.1]: fragments of their own, and samples in the lobe.
+
+pub mod lobe_ask;
+pub mod lobe_gather;
+pub mod lobe_levels;
+pub mod lobe_points;
+pub mod lobe_visible;
+
+use crate::error::Result;
+use crate::gpu::Buffer;
+use crate::passes::lights::light_samples::{self, LightSamples};
+use crate::passes::refine::one_pass::Listed;
+use crate::passes::specular::LobeLight;
+use crate::passes::visibility::occlusion::Occlusion;
+use crate::passes::visibility::{Hit, Ray, Receiver};
+use crate::passes::{Context, GBuffer, upsample};
+use crate::scene::prepare::{LIGHT_ROWS, RADIANCE_ROW};
+
+/// Places in a lobe.
+pub const PLACES: usize = 25;
+/// Fragments that are worked on at once.
+const CHUNK: usize = 1 << 15;
+
+/// One light at work.
+pub(crate) struct Work<'w> {
+    listed: &'w Listed,
+    receivers: &'w Buffer<Receiver>,
+    source: LobeLight,
+    light: &'w LightSamples,
+    first: usize,
+    count: usize,
+    asked: &'w Buffer<u32>,
+    rays: &'w Buffer<Ray>,
+    weights: &'w Buffer<[f32; 4]>,
+    seen: &'w Buffer<f32>,
+}
+
+/// Adds what lobes reflect of all area lights; returns level and reason of each pixel's fragment.
+///
+/// # Errors
+/// Those of the device; `Cancelled`.
+pub fn record(
+    context: &mut Context<'_, '_>,
+    gbuffer: &GBuffer,
+    specular: &Buffer<[f32; 4]>,
+) -> Result<[Buffer<u32>; 2]> {
+    let listed = lobe_levels::record(context, gbuffer)?;
+    let arguments = &listed.arguments;
+    let count = context.recorder.host("lobe_list", |gpu, _| Ok(gpu.read(arguments)?[3] as usize))?;
+    let lit: Buffer<[f32; 4]> = context.resources.buffer("lobe_fragments", count)?;
+    context.recorder.clear(&lit)?;
+    if count > 0 {
+        let samples = light_samples::record(context)?;
+        let receivers = lobe_points::record(context, gbuffer, &listed, count)?;
+        let occlusion = Occlusion::of_rays(context);
+        for light in samples.iter().filter(|light| light.is_area()) {
+            let row = context.prepared.light_rows[light.light as usize * LIGHT_ROWS + RADIANCE_ROW];
+            if row[..3].iter().any(|&channel| channel > 0.0) {
+                shade(context, &listed, &receivers, light, count, &occlusion, &lit)?;
+            }
+        }
+    }
+    let image = context.resources.buffer("lobe_image", context.view.pixels())?;
+    upsample::record_into(context, gbuffer, &listed.fragments, &lit, &image)?;
+    lobe_gather::apply(context, gbuffer, &image, specular)?;
+    Ok([listed.fragments.level_map, listed.fragments.reason_map])
+}
+
+/// Adds one light to the fragments.
+fn shade(
+    context: &mut Context<'_, '_>,
+    listed: &Listed,
+    receivers: &Buffer<Receiver>,
+    light: &LightSamples,
+    count: usize,
+    occlusion: &Occlusion,
+    lit: &Buffer<[f32; 4]>,
+) -> Result<()> {
+    let len = CHUNK.min(count.next_multiple_of(64));
+    let words = light.shadow_light().words();
+    let asked = context.resources.buffer("lobe_asked", len * words)?;
+    let rays = context.resources.buffer("lobe_rays", len * PLACES)?;
+    let weights = context.resources.buffer("lobe_weights", len * PLACES)?;
+    let seen = context.resources.buffer("lobe_seen", len * PLACES)?;
+    let source = LobeLight { side: 5, ..LobeLight::of(context, light.light as usize) };
+    let variance = occlusion.asks() && context.settings.is("specular_visibility", "variance");
+    let distances = context.resources.buffer("lobe_distances", if variance { count * PLACES } else { 1 })?;
+    let at = |first: usize| Work {
+        listed,
+        receivers,
+        source,
+        light,
+        first,
+        count: (count - first).min(len),
+        asked: &asked,
+        rays: &rays,
+        weights: &weights,
+        seen: &seen,
+    };
+    let hits: Buffer<Hit> = context.resources.buffer("lobe_hits", if variance { len * PLACES } else { 1 })?;
+    for first in (0..count).step_by(len).filter(|_| variance) {
+        let work = at(first);
+        lobe_ask::record(context, &work)?;
+        let range = 0..work.count * PLACES;
+        context.rays += context.tracer.closest(context.recorder, "lobe_trace", &rays, &hits, range)?;
+        lobe_visible::distances(context, &work, &hits, &distances)?;
+    }
+    let occluded: Buffer<u32> = context.resources.buffer("lobe_occluded", (len * PLACES).div_ceil(32))?;
+    for first in (0..count).step_by(len) {
+        let work = at(first);
+        lobe_ask::record(context, &work)?;
+        if occlusion.asks() {
+            let range = first..first + work.count;
+            lobe_visible::samples(context, &work, occlusion, range)?;
+        }
+        if variance {
+            lobe_visible::variance(context, &work, &distances)?;
+        } else {
+            context.recorder.clear(&occluded)?;
+            if occlusion.asks() {
+                let range = 0..work.count * PLACES;
+                context.rays += context.tracer.any(context.recorder, "lobe_trace", &rays, &occluded, range)?;
+            }
+            lobe_visible::bits(context, &work, &occluded)?;
+        }
+        lobe_gather::record(context, &work, lit)?;
+    }
+    Ok(())
+}
