@@ -282,6 +282,17 @@ pub const SPECS: &[Spec] = &[
          maximum; fragments of lobes only; None: never.",
         "[NPW10 Sec. 3.2.1]",
     ),
+    Spec {
+        kind: Kind::Int { min: 9, max: 289, only: &[9, 25, 49, 81, 121, 169, 225, 289] },
+        ..int(
+            "lobe_samples",
+            [9, 289],
+            25,
+            "Places in a lobe that are asked where fewer than 9 in 25 of them are samples of the light; fragments of \
+             lobes only.",
+            "[NPW10 Sec. 3.2.1]",
+        )
+    },
     choice("specular", OFF_ON, OFF_ON, "on", "The specular part of materials.", "[NPW10 Sec. 3.2.1]"),
     Spec {
         name: "supersample",
@@ -317,6 +328,9 @@ pub const PRESETS: &[(&str, Option<Changes>)] = &[
             ("upsample", Default::Text("edge-aware")),
             // Slopes fire on every floor that is seen at a grazing angle (N19): the plane metric stays.
             ("normal_metric", Default::Text("component")),
+            // 25 places show their shadows one by one.
+            ("lobe_samples", Default::Int(81)),
+            ("lobe_threshold", Default::Float(0.2)),
             ("normal_threshold", Default::Float(0.5)),
         ]),
     ),

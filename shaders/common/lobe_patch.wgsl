@@ -20,12 +20,13 @@ struct LobeLight {
     rows: u32,
     radiance: vec3f,    // mean
     side: u32,          // samples along each axis of a patch
+    least: f32,         // what is left of the lobe at the border of its patch
+    pad0: u32,
+    pad1: u32,
+    pad2: u32,
 }
 
 @group(0) @binding(0) var<uniform> source: LobeLight;
-
-// What is left of the lobe at the border of its patch.
-const LEAST: f32 = 1e-4;
 
 // A shading point with a lobe.
 struct Glossy {
@@ -71,7 +72,7 @@ fn patch_of(at: Glossy) -> Patch {
     let c = source.corner - at.origin;
     let h = dot(source.normal, c);
     let k = dot(source.normal, at.mirror);
-    let cos_t = exp2(log2(LEAST) / max(at.n, 1e-3));
+    let cos_t = exp2(log2(source.least) / max(at.n, 1e-3));
     let sin2 = 1.0 - cos_t * cos_t;
     var found = Patch(vec2f(0.0), vec2f(1.0), vec2f(0.0), vec2f(0.0));
     // A cone that lies whole on one side of the plane's horizon cuts an ellipse.

@@ -1,8 +1,8 @@
 // What the lobe of each fragment asks of one area light [NPW10 Sec. 3.2.1 and 3.3.3]. Where at least nine of its samples
-// lie in the lobe, those are asked; else 5 x 5 places about the mirror direction, spaced by the lobe's width, each with the
+// lie in the lobe, those are asked; else 5 x 5 places (or more, `lobe_samples`) about the mirror direction, spaced by the lobe's width, each with the
 // light's mean radiance over its part [Deviation: means over the parts themselves, by sums, in place of mipmaps; each
 // weighs what the lobe makes of it, and the part outside of the light nothing].
-// In: receivers, sample points, light. Out: asked, bits of the samples; rays and lobe_weights, 25 a fragment.
+// In: receivers, sample points, light. Out: asked, bits of the samples; rays and lobe_weights, so many a fragment.
 
 import package::common::grid::{Grid, item_index};
 import package::common::light_sums::{light_sums, rectangle_mean};
@@ -32,7 +32,7 @@ const IN_LOBE: f32 = 0.1;
 // and is asked from this.
 const WORTH: f32 = 1e-3;
 const ENOUGH: u32 = 9u;
-const SIDE: u32 = 5u;
+const OF: u32 = 25u;
 const T_MAX: f32 = 0.9999;
 
 // Without colour: fragments are lit, pixels are coloured.
@@ -64,7 +64,8 @@ fn main(
         }
         asked[i * params.words + word] = bits;
     }
-    let few = count < ENOUGH;
+    let side = source.side;
+    let few = count * OF < ENOUGH * side * side;
     if few {
         for (var word = 0u; word < params.words; word++) {
             asked[i * params.words + word] = 0u;
@@ -73,16 +74,16 @@ fn main(
     let found = patch_of(point);
     let across = axis_of(found, 0u);
     let up = axis_of(found, 1u);
-    for (var k = 0u; k < SIDE * SIDE; k++) {
+    for (var k = 0u; k < side * side; k++) {
         var ray = inactive_ray();
         var weight = vec3f(0.0);
         if few && all(found.lo < found.hi) {
-            let cell = vec2f(f32(k % SIDE), f32(k / SIDE)) / f32(SIDE);
-            let x = along(across, cell.x + 0.5 / f32(SIDE));
-            let y = along(up, cell.y + 0.5 / f32(SIDE));
+            let cell = vec2f(f32(k % side), f32(k / side)) / f32(side);
+            let x = along(across, cell.x + 0.5 / f32(side));
+            let y = along(up, cell.y + 0.5 / f32(side));
             let lo = vec2f(along(across, cell.x).x, along(up, cell.y).x);
-            let hi = vec2f(along(across, cell.x + 1.0 / f32(SIDE)).x, along(up, cell.y + 1.0 / f32(SIDE)).x);
-            let share = x.y * y.y / f32(SIDE * SIDE) * integrand(point, vec2f(x.x, y.x));
+            let hi = vec2f(along(across, cell.x + 1.0 / f32(side)).x, along(up, cell.y + 1.0 / f32(side)).x);
+            let share = x.y * y.y / f32(side * side) * integrand(point, vec2f(x.x, y.x));
             weight = share * source.radiance;
             if source.columns > 0u {
                 weight = share * rectangle_mean(vec2u(source.columns, source.rows), source.radiance, lo, hi);
@@ -92,7 +93,7 @@ fn main(
                 ray = Ray(at.origin, 0.0, chosen - at.origin, T_MAX);
             }
         }
-        rays[i * SIDE * SIDE + k] = ray;
-        lobe_weights[i * SIDE * SIDE + k] = vec4f(weight, select(0.0, 1.0, few));
+        rays[i * side * side + k] = ray;
+        lobe_weights[i * side * side + k] = vec4f(weight, select(0.0, 1.0, few));
     }
 }

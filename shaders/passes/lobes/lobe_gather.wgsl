@@ -1,5 +1,5 @@
 // What the lobe of each fragment reflects of one area light, without its colour:
-//   sum    over the visible samples of the light, where many lie in the lobe; else over the 25 places in it
+//   sum    over the visible samples of the light, where many lie in the lobe; else over the places in it
 //   apply  adds colour times light to the pixels
 // In: receivers, bits of the samples, lobe_weights, lobe_seen. In and out: lobe_fragments, specular_radiance.
 
@@ -15,7 +15,7 @@ struct LobeGatherParams {
     words: u32,         // 0: everything is seen
     two_sided: u32,
     normal: vec3f,      // of the lit side
-    pad: u32,
+    places: u32,        // in a lobe
 }
 
 @group(0) @binding(30) var<uniform> grid: Grid;
@@ -28,8 +28,6 @@ struct LobeGatherParams {
 @group(0) @binding(6) var<storage, read> lobe_weights: array<vec4f>;
 @group(0) @binding(7) var<storage, read> lobe_seen: array<f32>;
 @group(0) @binding(8) var<storage, read_write> lobe_fragments: array<vec4f>;
-
-const PLACES: u32 = 25u;
 
 // From the light's samples that the fragment sees.
 fn by_samples(i: u32, at: Receiver) -> vec3f {
@@ -62,11 +60,11 @@ fn sum(
         return;
     }
     var light = vec3f(0.0);
-    if lobe_weights[i * PLACES].w == 0.0 {
+    if lobe_weights[i * params.places].w == 0.0 {
         light = by_samples(i, receivers[params.first + i]);
     } else {
-        for (var k = 0u; k < PLACES; k++) {
-            light += lobe_seen[i * PLACES + k] * lobe_weights[i * PLACES + k].xyz;
+        for (var k = 0u; k < params.places; k++) {
+            light += lobe_seen[i * params.places + k] * lobe_weights[i * params.places + k].xyz;
         }
     }
     lobe_fragments[params.first + i] += vec4f(light, 0.0);

@@ -1,9 +1,9 @@
-// How much of each of the 25 places in a fragment's lobe is seen.
+// How much of each of the places in a fragment's lobe is seen.
 //   bits       all or nothing, by the rays [NPW10 Sec. 3.3.3]
 //   distances  to the nearest occluder along each ray, over that to the light, less 1: 0 where nothing is hit
 //   variance   by mean and variance of the neighbours' distances: a place is seen with the probability s2 / (s2 + m^2),
 //              m < 0 [DL06]. Deviations: relative distances, which float32 keeps apart; what is not hidden has the
-//              light's own; neighbours are those of one surface and level; the last of 25 is that beside it, not asked
+//              light's own; neighbours are those of one surface and level; the last is that beside it
 // In: occluded bits or hits; receivers, list of fragments. Out: lobe_seen, lobe_distances.
 
 import package::common::alike::alike;
@@ -15,9 +15,9 @@ import package::common::tiles::pixel_in_tile_order;
 
 struct LobeVisibleParams {
     first: u32,         // fragment of the first item's
-    pad0: u32,
-    pad1: u32,
-    pad2: u32,
+    places: u32,        // in a lobe
+    side: u32,          // along each axis
+    pad: u32,
 }
 
 @group(0) @binding(30) var<uniform> grid: Grid;
@@ -31,10 +31,6 @@ struct LobeVisibleParams {
 @group(0) @binding(7) var<storage, read_write> lobe_seen: array<f32>;
 @group(0) @binding(8) var<storage, read_write> lobe_distances: array<f32>;
 
-const PLACES: u32 = 25u;
-// The corner that is not asked, and the place that stands for it.
-const CORNER: u32 = 24u;
-const BESIDE: u32 = 18u;
 // No variance is less, relative to the light's distance.
 const LEAST: f32 = 1e-5;
 // Probabilities up to this are light that bleeds through.
@@ -61,7 +57,7 @@ fn distances(
     let i = item_index(grid, group, groups, 64u, lane);
     if i < grid.end {
         let met = hits[i].instance != MISS;
-        lobe_distances[params.first * PLACES + i] = select(0.0, min(hits[i].t - 1.0, 0.0), met);
+        lobe_distances[params.first * params.places + i] = select(0.0, min(hits[i].t - 1.0, 0.0), met);
     }
 }
 
@@ -75,14 +71,15 @@ fn variance(
     if i >= grid.end {
         return;
     }
-    let asked = i % PLACES;
-    let k = select(asked, BESIDE, asked == CORNER);
-    let fragment = params.first + i / PLACES;
+    let asked = i % params.places;
+    // The last corner is not asked; the place beside it stands for it.
+    let k = select(asked, asked - params.side - 1u, asked == params.places - 1u && params.side > 1u);
+    let fragment = params.first + i / params.places;
     let place = fragment_list[fragment];
     let level = (fragment_flags[place] & 255u) - 1u;
     let size = pyramid.levels[level];
     let texel = pixel_in_tile_order(place, pyramid.levels[0].x) >> vec2u(level);
-    let own = lobe_distances[fragment * PLACES + k];
+    let own = lobe_distances[fragment * params.places + k];
     // Two passes over the neighbours: the mean first, so that nothing cancels.
     var sum = vec3f(own, 0.0, 1.0);
     for (var turn = 0u; turn < 2u; turn++) {
@@ -98,7 +95,7 @@ fn variance(
             if other == 0u || other == CULLED || !alike(receivers[fragment], receivers[max(other, 1u) - 1u]) {
                 continue;
             }
-            let there = lobe_distances[(other - 1u) * PLACES + k];
+            let there = lobe_distances[(other - 1u) * params.places + k];
             sum += select(vec3f(0.0, (there - mean) * (there - mean), 1.0), vec3f(there, 0.0, 1.0), turn == 0u);
         }
         if turn == 1u {

@@ -21,8 +21,8 @@ pub struct LobeGatherParams {
     pub two_sided: u32,
     /// Of the lit side.
     pub normal: [f32; 3],
-    /// Unused.
-    pub pad: u32,
+    /// Places in a lobe.
+    pub places: u32,
 }
 
 /// Adds the light to the fragments of a piece.
@@ -37,7 +37,7 @@ pub(super) fn record(context: &mut Context<'_, '_>, work: &Work<'_>, lit: &Buffe
         words: light.shadow_light().words() as u32,
         two_sided: light.two_sided.into(),
         normal: light.normal.to_array(),
-        pad: 0,
+        places: work.places() as u32,
     };
     let kernel = context.kernel("lobes/lobe_gather", "sum")?;
     let pass = context.recorder.pass("lobe_gather", &kernel).uniform("params", &params).uniform("view", &context.view);

@@ -4,7 +4,7 @@ use std::ops::Range;
 
 use bytemuck::{Pod, Zeroable};
 
-use super::{PLACES, Work};
+use super::Work;
 use crate::error::Result;
 use crate::gpu::Buffer;
 use crate::passes::Context;
@@ -17,16 +17,16 @@ use crate::passes::visibility::occlusion::Occlusion;
 pub struct LobeVisibleParams {
     /// Fragment of the first item.
     pub first: u32,
+    /// Places in a lobe.
+    pub places: u32,
+    /// Along each axis.
+    pub side: u32,
     /// Unused.
-    pub pad0: u32,
-    /// Unused.
-    pub pad1: u32,
-    /// Unused.
-    pub pad2: u32,
+    pub pad: u32,
 }
 
 fn params(work: &Work<'_>) -> LobeVisibleParams {
-    LobeVisibleParams { first: work.first as u32, pad0: 0, pad1: 0, pad2: 0 }
+    LobeVisibleParams { first: work.first as u32, places: work.places() as u32, side: work.source.side, pad: 0 }
 }
 
 /// Asks for the light's own samples, where many lie in the lobe.
@@ -53,7 +53,7 @@ pub(super) fn samples(
 pub(super) fn bits(context: &mut Context<'_, '_>, work: &Work<'_>, occluded: &Buffer<u32>) -> Result<()> {
     let kernel = context.kernel("lobes/lobe_visible", "bits")?;
     let pass = context.recorder.pass("lobe_visible", &kernel).bind("occluded", occluded);
-    pass.bind("lobe_seen", work.seen).dispatch(work.count * PLACES)
+    pass.bind("lobe_seen", work.seen).dispatch(work.count * work.places())
 }
 
 /// Keeps the distances that the rays of a piece went.
@@ -68,7 +68,7 @@ pub(super) fn distances(
 ) -> Result<()> {
     let kernel = context.kernel("lobes/lobe_visible", "distances")?;
     let pass = context.recorder.pass("lobe_visible", &kernel).uniform("params", &params(work));
-    pass.bind("hits", hits).bind("lobe_distances", distances).dispatch(work.count * PLACES)
+    pass.bind("hits", hits).bind("lobe_distances", distances).dispatch(work.count * work.places())
 }
 
 /// Each place by the distances of the fragments around.
@@ -82,5 +82,5 @@ pub(super) fn variance(context: &mut Context<'_, '_>, work: &Work<'_>, distances
     let pass = pass.uniform("pyramid", &fragments.texels.pyramid).bind("receivers", work.receivers);
     let pass = pass.bind("fragment_list", &work.listed.list).bind("fragment_flags", &work.listed.flags);
     let pass = pass.bind("fragment_at", &fragments.at).bind("lobe_distances", distances);
-    pass.bind("lobe_seen", work.seen).dispatch(work.count * PLACES)
+    pass.bind("lobe_seen", work.seen).dispatch(work.count * work.places())
 }

@@ -16,10 +16,10 @@ use crate::passes::visibility::{Hit, Ray, Receiver};
 use crate::passes::{Context, GBuffer, upsample};
 use crate::scene::prepare::{LIGHT_ROWS, RADIANCE_ROW};
 
-/// Places in a lobe.
-pub const PLACES: usize = 25;
+/// What is left of a lobe where its places end: few of them are better spent where it is high.
+const LEAST: f32 = 0.03;
 /// Fragments that are worked on at once.
-const CHUNK: usize = 1 << 15;
+const CHUNK: usize = 1 << 14;
 
 /// One light at work.
 pub(crate) struct Work<'w> {
@@ -33,6 +33,13 @@ pub(crate) struct Work<'w> {
     rays: &'w Buffer<Ray>,
     weights: &'w Buffer<[f32; 4]>,
     seen: &'w Buffer<f32>,
+}
+
+impl Work<'_> {
+    /// Places in a lobe.
+    fn places(&self) -> usize {
+        (self.source.side * self.source.side) as usize
+    }
 }
 
 /// Adds what lobes reflect of all area lights; returns level and reason of each pixel's fragment.
@@ -76,15 +83,17 @@ fn shade(
     occlusion: &Occlusion,
     lit: &Buffer<[f32; 4]>,
 ) -> Result<()> {
+    let side = context.settings.int("lobe_samples").isqrt();
+    let source = LobeLight { side, least: LEAST, ..LobeLight::of(context, light.light as usize) };
+    let places = (side * side) as usize;
     let len = CHUNK.min(count.next_multiple_of(64));
     let words = light.shadow_light().words();
     let asked = context.resources.buffer("lobe_asked", len * words)?;
-    let rays = context.resources.buffer("lobe_rays", len * PLACES)?;
-    let weights = context.resources.buffer("lobe_weights", len * PLACES)?;
-    let seen = context.resources.buffer("lobe_seen", len * PLACES)?;
-    let source = LobeLight { side: 5, ..LobeLight::of(context, light.light as usize) };
+    let rays = context.resources.buffer("lobe_rays", len * places)?;
+    let weights = context.resources.buffer("lobe_weights", len * places)?;
+    let seen = context.resources.buffer("lobe_seen", len * places)?;
     let variance = occlusion.asks() && context.settings.is("specular_visibility", "variance");
-    let distances = context.resources.buffer("lobe_distances", if variance { count * PLACES } else { 1 })?;
+    let distances = context.resources.buffer("lobe_distances", if variance { count * places } else { 1 })?;
     let at = |first: usize| Work {
         listed,
         receivers,
@@ -97,15 +106,15 @@ fn shade(
         weights: &weights,
         seen: &seen,
     };
-    let hits: Buffer<Hit> = context.resources.buffer("lobe_hits", if variance { len * PLACES } else { 1 })?;
+    let hits: Buffer<Hit> = context.resources.buffer("lobe_hits", if variance { len * places } else { 1 })?;
     for first in (0..count).step_by(len).filter(|_| variance) {
         let work = at(first);
         lobe_ask::record(context, &work)?;
-        let range = 0..work.count * PLACES;
+        let range = 0..work.count * places;
         context.rays += context.tracer.closest(context.recorder, "lobe_trace", &rays, &hits, range)?;
         lobe_visible::distances(context, &work, &hits, &distances)?;
     }
-    let occluded: Buffer<u32> = context.resources.buffer("lobe_occluded", (len * PLACES).div_ceil(32))?;
+    let occluded: Buffer<u32> = context.resources.buffer("lobe_occluded", (len * places).div_ceil(32))?;
     for first in (0..count).step_by(len) {
         let work = at(first);
         lobe_ask::record(context, &work)?;
@@ -118,7 +127,7 @@ fn shade(
         } else {
             context.recorder.clear(&occluded)?;
             if occlusion.asks() {
-                let range = 0..work.count * PLACES;
+                let range = 0..work.count * places;
                 context.rays += context.tracer.any(context.recorder, "lobe_trace", &rays, &occluded, range)?;
             }
             lobe_visible::bits(context, &work, &occluded)?;

@@ -23,6 +23,9 @@ const MANY: u32 = 20;
 /// The same with fewer than 64 `light_samples`.
 const THRIFTY: u32 = 12;
 
+/// What is left of a lobe where it is no longer integrated.
+const LEAST: f32 = 1e-4;
+
 /// Twin of `LobeLight` in `shaders/common/lobe_patch.wgsl`.
 #[repr(C)]
 #[derive(Debug, Clone, Copy, Pod, Zeroable)]
@@ -55,6 +58,14 @@ pub struct LobeLight {
     pub radiance: [f32; 3],
     /// Samples along each axis of a patch.
     pub side: u32,
+    /// What is left of the lobe at the border of its patch.
+    pub least: f32,
+    /// Unused.
+    pub pad0: u32,
+    /// Unused.
+    pub pad1: u32,
+    /// Unused.
+    pub pad2: u32,
 }
 
 impl LobeLight {
@@ -85,6 +96,10 @@ impl LobeLight {
             rows: texture.map_or(0, |t| t.height),
             radiance: xyz(rows[RADIANCE_ROW]).to_array(),
             side: if few { THRIFTY } else { MANY },
+            least: LEAST,
+            pad0: 0,
+            pad1: 0,
+            pad2: 0,
         }
     }
 

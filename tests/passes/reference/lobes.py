@@ -29,6 +29,8 @@ LOBE_LIGHT = np.dtype(
         ("rows", "<u4"),
         ("radiance", "<f4", 3),
         ("side", "<u4"),
+        ("least", "<f4"),
+        ("pad", "<u4", 3),
     ]
 )
 
@@ -73,6 +75,7 @@ def lobe_light(light: Area, side: int = 8) -> NDArray[Any]:
         radiance=picture.mean((0, 1)),
         seed=3,
         side=side,
+        least=1e-4,
     )
 
 

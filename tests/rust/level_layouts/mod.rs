@@ -36,7 +36,11 @@ fn lobe_light() -> Layout {
         dual_v,
         rows,
         radiance,
-        side
+        side,
+        least,
+        pad0,
+        pad1,
+        pad2
     })
 }
 
