@@ -36,6 +36,7 @@ NO_PASS = {
     "trace_native",
     "trace_wgsl",
     "tree_upload",
+    "levels",
     "placed",
     "fragments",
     "prove_native",

@@ -76,7 +76,16 @@ def test_help_shows_ranges_defaults_and_what_is_not_there_yet() -> None:
         ({"refine": "iterative"}, ["not available yet", "'none'"]),
         ({"depth_threshold": -0.5}, ["-0.5", "from 0", "or None"]),
         ({"coarsest_level": 17}, ["17", "up to 16"]),
-        ({"specular": True}, ["not available yet"]),
+        ({"specular": "yes"}, ["'yes'", "'off', 'on'"]),
+        ({"interleave": 3}, ["3", "from 1 up to 2"]),
+        ({"illumination_threshold": -0.1}, ["-0.1", "from 0", "or None"]),
+        ({"bit_threshold": 0}, ["'bit_threshold' is 0", "from 1 up to 4096", "or None"]),
+        ({"bit_threshold": 2.5}, ["2.5", "whole number"]),
+        ({"voxel_resolution": 8}, ["8", "from 16 up to 2048"]),
+        ({"voxel_slices": None}, ["None", "whole number"]),
+        ({"voxel_march": "steps"}, ["'steps'", "'uniform', 'dda'"]),
+        ({"voxel_bias": -1.0}, ["-1.0", "from 0"]),
+        ({"visibility": "voxel"}, ["visibility='voxel'", "not available yet"]),
         ({"target_error": 0.01}, ["'target_error'", "not available yet", "0.01"]),
         ({"budget_ms": 5}, ["'budget_ms'", "not available yet"]),
         ({"budget_ms": float("nan")}, ["nan", "a number above 0"]),
@@ -105,6 +114,8 @@ def test_switches_take_bools_and_numpy_numbers_become_plain() -> None:
     assert samples == 64
     assert type(samples) is int
     assert ml.Settings(supersample=np.uint8(2)).supersample == 2
+    assert ml.Settings().specular == "on"
+    assert ml.Settings(specular=False).specular == "off"
 
 
 def test_frozen() -> None:
@@ -166,9 +177,18 @@ def test_repr_shows_the_preset_and_what_differs() -> None:
 
 
 def test_presets_lists_what_can_be_rendered() -> None:
-    assert {"brute-force", "default"} <= set(ml.presets())
+    assert {"area-2010", "brute-force", "default"} <= set(ml.presets())
     for name, settings in ml.presets().items():
         assert settings == ml.Settings.preset(name)
+
+
+def test_area_2010_is_incremental_refinement_with_rays() -> None:
+    area = ml.Settings.preset("area-2010")
+    assert area.refine == area.visibility_reuse == "incremental"
+    assert area.visibility == "ray"
+    assert (area.interleave, area.light_pattern, area.upsample) == (2, "grid", "edge-aware")
+    assert (area.illumination_threshold, area.bit_threshold) == (0.1, 128)
+    assert area.replace(illumination_threshold=None, bit_threshold=None).bit_threshold is None
 
 
 def test_unknown_presets_suggest() -> None:

@@ -1,9 +1,10 @@
 // Incremental visibility [NPW10 Sec. 3.3.2]: a bit of a light sample on which the 3 x 3 nodes of the level above agree is
-// taken from them, the others are asked. Deviations: on one surface the four nodes around are enough, because what lies
-// behind an edge says little; below a coarsest node across an edge all is asked, because what is smaller than such nodes may
-// throw its shadow between them; nodes that are turned away from a sample know nothing of it, and some must have asked it;
-// and as long as nodes are far apart, a sample beside one in doubt, on the light, is asked as well: the shadow of a thin
-// occluder moves over the light from node to node (N20).
+// taken from them, the others are asked. Deviations:
+//   - On one surface the four nodes around are enough, because what lies behind an edge says little.
+//   - Nodes that are turned away from a sample know nothing of it; some must have asked it, more where nodes are far apart.
+//   - Below a coarsest node across an edge all is asked: what is smaller than such a node may throw its shadow beside it.
+//   - Where samples are in doubt and hardly any is agreed to be hidden, all are asked: a shadow begins there, or it is that
+//     of a thin occluder, which moves over the light from node to node, so that nodes agree on lit samples by chance (N20).
 //   ask     bits that are known from the level above, and those to ask
 //   answer  adds what the trace found
 // In: nodes, sample points. Out: asked. In and out: node_bits: `words` words a node of samples that face it,
@@ -24,11 +25,7 @@ struct ReuseParams {
     first: u32,         // node of the first receiver
     strata: u32,        // samples that a node asks
     words: u32,         // at most 32
-    row: u32,           // samples along a row of the light, for neighbours on it
     reuse: u32,         // 0: every sample is asked
-    pad0: u32,
-    pad1: u32,
-    pad2: u32,
 }
 
 @group(0) @binding(30) var<uniform> grid: Grid;
@@ -38,7 +35,10 @@ struct ReuseParams {
 @group(0) @binding(3) var<storage, read_write> node_bits: array<u32>;
 @group(0) @binding(4) var<storage, read_write> asked: array<u32>;
 
-// Nodes from this level on ask beside what is in doubt.
+// Samples in doubt for each that is agreed to be hidden, from which on a shadow begins or is thin,
+const MOST_IN_DOUBT: u32 = 8u;
+// where one of so many is in doubt, or, from this level on, any.
+const THIN: u32 = 5u;
 const FAR_APART: u32 = 2u;
 
 // True when the surface faces the sample and the light emits towards the surface, as in `shadow`.
@@ -61,8 +61,8 @@ fn facing_bits(receiver: Receiver, word: u32) -> u32 {
     return bits;
 }
 
-// Of one word: samples on which the nodes agree that they are seen, and that they are hidden. Three must have asked one;
-// for pixels two are enough.
+// Of one word: samples on which the nodes agree that they are seen, and that they are hidden. Three must have asked one; for
+// fragments of level 1 two are enough, for pixels one.
 fn agreed(nodes: array<u32, 9>, word: u32) -> vec2u {
     var lit = 0xffffffffu;
     var dark = 0xffffffffu;
@@ -81,7 +81,8 @@ fn agreed(nodes: array<u32, 9>, word: u32) -> vec2u {
             once |= known;
         }
     }
-    return vec2u(lit, dark) & vec2u(select(twice, thrice, pyramid.level > 0u));
+    let enough = select(select(once, twice, pyramid.level == 1u), thrice, pyramid.level >= FAR_APART);
+    return vec2u(lit, dark) & vec2u(enough);
 }
 
 // Whether neighbour k of the parent is one of the four nodes whose middles surround that of `texel`.
@@ -91,25 +92,9 @@ fn lies_around(texel: vec2u, k: u32) -> bool {
     return all((place == vec2u(1u)) | (place == side));
 }
 
-// Bits of a row of words moved towards higher numbers by `by` (or lower ones), as seen at one word.
-fn moved(bits: ptr<function, array<u32, 32>>, word: u32, by: u32) -> u32 {
-    let whole = by / 32u;
-    let part = by % 32u;
-    var up = 0u;
-    var down = 0u;
-    if word >= whole {
-        up = (*bits)[word - whole] << part;
-        if part != 0u && word >= whole + 1u {
-            up |= (*bits)[word - whole - 1u] >> (32u - part);
-        }
-    }
-    if word + whole < params.words {
-        down = (*bits)[word + whole] >> part;
-        if part != 0u && word + whole + 1u < params.words {
-            down |= (*bits)[word + whole + 1u] << (32u - part);
-        }
-    }
-    return up | down;
+// Whether what nodes agree on cannot be trusted, by how many samples face, are in doubt, and are agreed to be hidden.
+fn is_thin(facing: u32, doubt: u32, hidden: u32) -> bool {
+    return doubt > MOST_IN_DOUBT * hidden && (pyramid.level >= FAR_APART || THIN * doubt > facing);
 }
 
 @compute @workgroup_size(64)
@@ -140,24 +125,21 @@ fn ask(
             around[k] = select(0u, other, same && lies_around(texel, k));
         }
     }
-    var doubt: array<u32, 32>;
     var lit: array<u32, 32>;
+    var dark: array<u32, 32>;
+    var counts = vec3u(0u);
     for (var word = 0u; word < params.words; word++) {
         let facing = facing_bits(receiver, word);
         let known = agreed(nodes, word) | agreed(around, word);
         node_bits[node * 2u * params.words + word] = facing;
         lit[word] = facing & known.x;
-        doubt[word] = facing & ~(known.x | known.y);
+        dark[word] = facing & known.y;
+        counts += countOneBits(vec3u(facing, facing & ~(known.x | known.y), facing & known.y));
     }
-    var wide: array<u32, 32>;
-    for (var word = 0u; word < params.words; word++) {
-        let beside = moved(&doubt, word, 1u);
-        wide[word] = doubt[word] | select(0u, beside, pyramid.level >= FAR_APART);
-    }
+    let all = is_thin(counts.x, counts.y, counts.z);
     for (var word = 0u; word < params.words; word++) {
         let facing = node_bits[node * 2u * params.words + word];
-        let beside = moved(&wide, word, params.row);
-        let ask = facing & (wide[word] | select(0u, beside, pyramid.level >= FAR_APART));
+        let ask = facing & select(~(lit[word] | dark[word]), 0xffffffffu, all);
         asked[node * params.words + word] = ask;
         node_bits[(node * 2u + 1u) * params.words + word] = lit[word] & ~ask;
     }

@@ -29,16 +29,8 @@ pub struct ReuseParams {
     pub strata: u32,
     /// Words of bits a node.
     pub words: u32,
-    /// Samples along a row of the light.
-    pub row: u32,
     /// 0: every sample is asked.
     pub reuse: u32,
-    /// Unused.
-    pub pad0: u32,
-    /// Unused.
-    pub pad1: u32,
-    /// Unused.
-    pub pad2: u32,
 }
 
 /// A level at work: its nodes, what they know of a light, and what they ask.
@@ -68,11 +60,7 @@ impl Reuse<'_> {
             first: self.level.first as u32,
             strata: shadow.strata,
             words: shadow.words() as u32,
-            row: self.light.row(),
             reuse: reuse.into(),
-            pad0: 0,
-            pad1: 0,
-            pad2: 0,
         };
         let kernel = context.kernel("visibility/reuse", entry)?;
         let pass = context.recorder.pass("reuse", &kernel).uniform("params", &params);

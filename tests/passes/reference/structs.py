@@ -199,7 +199,7 @@ REUSE = np.dtype(
         ("two_sided", "<u4"),
         ("cone_axis", "<f4", 3),
         ("cos_cutoff", "<f4"),
-        *_fields("first", "strata", "words", "row", "reuse", "pad0", "pad1", "pad2"),
+        *_fields("first", "strata", "words", "reuse"),
     ]
 )
 INTERLEAVED = np.dtype(

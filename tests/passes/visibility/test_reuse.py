@@ -26,7 +26,7 @@ from tests.passes.reference.run import Runner, read
 from tests.passes.reference.structs import REUSE, record
 
 STEM = "passes/visibility/reuse"
-FAR_APART = 2
+FAR_APART, THIN, MOST_IN_DOUBT = 2, 5, 8
 CLASSES = 4
 
 
@@ -38,7 +38,6 @@ class Case:
     light: Area | Spot
     points: NDArray[np.float64]
     bits: Bits
-    row: int
 
     @property
     def strata(self) -> int:
@@ -71,7 +70,7 @@ def _case(
         points = np.broadcast_to(single(corner), (CLASSES, strata, 3))
     else:
         light, points = area, single(area.point(rng.uniform(size=(CLASSES, strata, 2))))
-    return Case(tree, light, np.asarray(points), random_bits(rng, tree, strata, 0.01), grid[0])
+    return Case(tree, light, np.asarray(points), random_bits(rng, tree, strata, 0.01))
 
 
 def facing(case: Case, receivers: NDArray[Any]) -> Flags:
@@ -105,20 +104,9 @@ def around(node: Node) -> set[int]:
     return {3 * row + column for row in (1, beside[0]) for column in (1, beside[1])}
 
 
-def shifted(flags: Flags, by: int, room: int) -> Flags:
-    """Samples `by` after or before a flag in the list of samples, which has `room` places."""
-    long = np.zeros(room + 2 * by, bool)
-    long[: len(flags)] |= flags
-    moved = np.zeros_like(long)
-    moved[by : by + room] |= long[:room]
-    moved[: room - by] |= long[by:room]
-    found: Flags = moved[:room]
-    return found
-
-
 def expected(case: Case, level: int, reuse: bool = True) -> tuple[Flags, Flags, Flags]:
     """Which samples of each node of a level face it, are asked, and are known to be seen."""
-    tree, room = case.tree, 32 * case.words
+    tree = case.tree
     first, count = tree.levels[level]
     receivers = tree.receivers(1, CLASSES)
     face = facing(case, receivers[first : first + count])
@@ -133,12 +121,12 @@ def expected(case: Case, level: int, reuse: bool = True) -> tuple[Flags, Flags, 
         same = [k for k in there if k in around(node) and alike(receivers[number], receivers[near[k]])]
         known = np.zeros((2, case.strata), bool)
         for chosen in (there, same):
-            known |= agreed(case.bits, [int(near[k] or 0) for k in chosen], 3 if level else 2)
-        doubt = face[i] & ~known.any(axis=0)
-        if level >= FAR_APART:
-            wide = np.pad(doubt, (0, room - len(doubt)))
-            wide |= shifted(wide, 1, room)
-            doubt = face[i] & (wide | shifted(wide, case.row, room))[: case.strata]
+            known |= agreed(case.bits, [int(near[k] or 0) for k in chosen], min(level + 1, 3))
+        doubt, hidden = face[i] & ~known.any(axis=0), face[i] & known[1]
+        # a shadow that begins, or that of something thin
+        many = level >= FAR_APART or THIN * doubt.sum() > face[i].sum()
+        if doubt.sum() > MOST_IN_DOUBT * hidden.sum() and many:
+            doubt = face[i]
         ask[i], lit[i] = doubt, face[i] & known[0] & ~doubt
     return face, ask, lit
 
@@ -158,7 +146,6 @@ def ask(runner: Runner, case: Case, level: int, reuse: bool = True) -> tuple[Fla
         first=first,
         strata=case.strata,
         words=case.words,
-        row=case.row,
         reuse=reuse,
     )
     known = case.bits.words()

@@ -45,20 +45,7 @@ fn lobe_light() -> Layout {
 }
 
 fn reuse() -> Layout {
-    host_layout!(ReuseParams {
-        light_normal,
-        two_sided,
-        cone_axis,
-        cos_cutoff,
-        first,
-        strata,
-        words,
-        row,
-        reuse,
-        pad0,
-        pad1,
-        pad2
-    })
+    host_layout!(ReuseParams { light_normal, two_sided, cone_axis, cos_cutoff, first, strata, words, reuse })
 }
 
 fn interleaved() -> Layout {
