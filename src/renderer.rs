@@ -18,7 +18,7 @@ use crate::passes::visibility::Hit;
 use crate::passes::visibility::occlusion;
 use crate::passes::visibility::placed::PlacedScene;
 use crate::passes::visibility::trace::{Form, Tracer};
-use crate::passes::{Context, GBuffer, View, gather, indirect};
+use crate::passes::{Context, GBuffer, View, gather, indirect, lobes};
 use crate::plan::{
     COMPOSITE, DIRECT, DOWNSAMPLE, FRAGMENTS, GEOMETRY, INDIRECT, IRRADIANCE, Plan, SceneFacts, Valid, plan,
 };
@@ -144,6 +144,7 @@ impl Renderer {
         snapshot.check()?;
         camera.check()?;
         occlusion::check(snapshot, camera, settings, &self.gpu)?;
+        lobes::check(settings)?;
         let factor = u64::from(settings.int("supersample"));
         let pixels = u64::from(camera.width) * u64::from(camera.height) * factor * factor;
         let largest = self.gpu.limits().max_storage_buffer_binding_size.min(self.gpu.limits().max_buffer_size) / 16;

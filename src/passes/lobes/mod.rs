@@ -6,7 +6,7 @@ pub mod lobe_levels;
 pub mod lobe_points;
 pub mod lobe_visible;
 
-use crate::error::Result;
+use crate::error::{Error, Result};
 use crate::gpu::Buffer;
 use crate::passes::lights::light_samples::{self, LightSamples};
 use crate::passes::refine::one_pass::Listed;
@@ -15,11 +15,28 @@ use crate::passes::visibility::occlusion::Occlusion;
 use crate::passes::visibility::{Hit, Ray, Receiver};
 use crate::passes::{Context, GBuffer, upsample};
 use crate::scene::prepare::{LIGHT_ROWS, RADIANCE_ROW};
+use crate::settings::Settings;
 
 /// What is left of a lobe where its places end: few of them are better spent where it is high.
 const LEAST: f32 = 0.03;
 /// Fragments that are worked on at once.
 const CHUNK: usize = 1 << 14;
+
+/// Whether the settings go together.
+///
+/// # Errors
+/// `Settings`.
+pub fn check(settings: &Settings) -> Result<()> {
+    let without = settings.is("refine", "none") || settings.is("direct_estimator", "ratio");
+    if settings.is("specular_visibility", "variance") && without {
+        return Err(Error::Settings(
+            "setting specular_visibility is \"variance\" with refine=\"none\" or direct_estimator=\"ratio\"; allowed: \
+             \"ray\", because variance is that of neighbouring fragments of lobes, and here lobes have none"
+                .to_owned(),
+        ));
+    }
+    Ok(())
+}
 
 /// One light at work.
 pub(crate) struct Work<'w> {
