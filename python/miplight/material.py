@@ -104,7 +104,14 @@ class Material:
         )
 
     def __hash__(self) -> int:
-        return hash((self._albedo.shape, self._albedo.ravel()[:3].tobytes(), self._specular.tobytes(), self._shininess))
+        return hash(
+            (
+                self._albedo.shape,
+                self._albedo.ravel()[:3].tobytes(),
+                self._specular.tobytes(),
+                self._shininess,
+            )
+        )
 
     def __repr__(self) -> str:
         if self.is_textured:
@@ -114,7 +121,8 @@ class Material:
             albedo = format_vector(self._albedo)
         if not self._specular.any():
             return f"Material(albedo={albedo})"
-        return f"Material(albedo={albedo}, specular={format_vector(self._specular)}, shininess={self._shininess:g})"
+        specular = format_vector(self._specular)
+        return f"Material(albedo={albedo}, specular={specular}, shininess={self._shininess:g})"
 
     def __reduce__(self) -> tuple[Any, ...]:
         return Material, (np.array(self._albedo), np.array(self._specular), self._shininess)

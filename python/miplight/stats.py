@@ -34,8 +34,8 @@ class Stats:
     adapter
         Name of the adapter.
     levels
-        What incremental refinement did, coarse to fine: for each level ``{"nodes": texels that were looked at,
-        "ms": milliseconds}``; the times are parts of `stages`. Empty with any other refinement.
+        What incremental refinement did, coarse to fine: for each level ``{"nodes": texels that were looked
+        at, "ms": milliseconds}``; the times are parts of `stages`. Empty with any other refinement.
     """
 
     total_ms: float

@@ -1,10 +1,39 @@
-"""Sweeps over settings, and what to make of them. Not available yet: every function here says so."""
+"""Studies: what each level of incremental refinement does, and sweeps over its dials.
+
+`sweep`, `pareto` and `plot` over any settings are not available yet, and say so.
+"""
 
 from __future__ import annotations
 
 from typing import Any, NoReturn
 
 from .errors import SettingsError
+from .level_study import (
+    level_names,
+    levels_along,
+    mask_colors,
+    plot_levels,
+    plot_maps,
+    plot_thresholds,
+    plot_voxels,
+    threshold_sweep,
+    voxel_sweep,
+)
+
+__all__ = [
+    "level_names",
+    "levels_along",
+    "mask_colors",
+    "pareto",
+    "plot",
+    "plot_levels",
+    "plot_maps",
+    "plot_thresholds",
+    "plot_voxels",
+    "sweep",
+    "threshold_sweep",
+    "voxel_sweep",
+]
 
 
 def _later(name: str) -> NoReturn:

@@ -38,7 +38,9 @@ def test_fragments_of_lobes_partition_what_is_not_culled(renderer: ml.Renderer) 
     fragments = frame.specular_fragments
     assert fragments is not None
     assert_partition(fragments)
-    assert {ml.Reason.LOBE, ml.Reason.OUTSIDE_LOBE} <= {ml.Reason(int(r)) for r in np.unique(fragments.reason_map)}
+    assert {ml.Reason.LOBE, ml.Reason.OUTSIDE_LOBE} <= {
+        ml.Reason(int(r)) for r in np.unique(fragments.reason_map)
+    }
     assert renderer.render(scene, camera, "default").specular_fragments is None
 
 

@@ -1,4 +1,4 @@
-"""`specular`: L += specular Σ V L A/N f(w) cosθ_s cosθ_l / d², f = (n + 2)/(2π) cosⁿ about the mirror direction [LW94]."""
+"""`specular`: L += specular Σ V L A/N f cosθ_s cosθ_l / d², f = (n + 2)/(2π) cosⁿ about the mirror [LW94]."""
 
 from __future__ import annotations
 

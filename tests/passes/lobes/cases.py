@@ -15,7 +15,11 @@ from tests.passes.reference.structs import RECEIVER
 def receivers_of(points: Glossy) -> NDArray[Any]:
     """One fragment a point; `flags` hold the exponent."""
     made = np.zeros(len(points.position), RECEIVER)
-    made["origin"], made["normal_geo"], made["normal_shade"] = points.position, points.geometric, points.normal
+    made["origin"], made["normal_geo"], made["normal_shade"] = (
+        points.position,
+        points.geometric,
+        points.normal,
+    )
     made["flags"] = points.exponent.astype(np.float32).view(np.uint32)
     return made
 

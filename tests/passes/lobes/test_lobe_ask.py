@@ -1,4 +1,4 @@
-"""`lobe_ask`: the light's samples where many lie in the lobe, else places in the lobe that add up to its light."""
+"""`lobe_ask`: samples where many lie in the lobe, else places in the lobe that add up to its light."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""`lobe_levels`: which pixels' lobes meet a light, and which texels are wider than the lobe, against plain loops."""
+"""`lobe_levels`: whose lobes meet a light, and which texels are wider than the lobe, against plain loops."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ def _mirrors(view: NDArray[Any], g: GBuffer) -> NDArray[np.float64]:
 
 
 def _nearest(light: Light, p: NDArray[Any], mirror: NDArray[Any]) -> float:
-    """Cosine to what is seen of a light nearest to the mirror direction: by 60 × 60 places and the corners."""
+    """Cosine to what is seen of a light nearest to the mirror direction: by 61 × 61 places."""
     if isinstance(light, Spot):
         return float(_unit(light.position - p) @ mirror)
     steps = np.linspace(0, 1, 61)
@@ -42,7 +42,9 @@ def _nearest(light: Light, p: NDArray[Any], mirror: NDArray[Any]) -> float:
 
 def _lights() -> list[Light]:
     return [
-        Area(np.array([-1.0, 1, -3]), np.array([2.0, 0, 0]), np.array([0, 1.5, 0]), np.ones(3), two_sided=True),
+        Area(
+            np.array([-1.0, 1, -3]), np.array([2.0, 0, 0]), np.array([0, 1.5, 0]), np.ones(3), two_sided=True
+        ),
         Spot(np.array([1.0, 3, 1]), np.array([0, -1.0, 0]), np.ones(3), 0.5),
     ]
 

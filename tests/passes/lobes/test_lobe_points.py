@@ -24,7 +24,9 @@ def test_points_stand_on_their_fragments(runner: Runner, rng: np.random.Generato
         y, x = divmod(int(pixel), width)
         if pixel < 0 or x % 4 or y % 4:
             continue
-        block = np.add.outer(np.arange(y, min(y + 4, height)) * width, np.arange(x, min(x + 4, width))).ravel()
+        block = np.add.outer(
+            np.arange(y, min(y + 4, height)) * width, np.arange(x, min(x + 4, width))
+        ).ravel()
         flags[place] = 256 + level + 1 if (g.kind[block] == SURFACE).any() else 0
     chosen = np.flatnonzero(flags).astype(np.uint32)
     levels = sizes(width, height)

@@ -80,7 +80,7 @@ def lobe_light(light: Area, side: int = 8) -> NDArray[Any]:
 
 
 def sums(light: Area) -> NDArray[np.float32]:
-    """Sums of the light's picture less its mean over everything left of and below each corner, bottom row first."""
+    """Sums of the light's picture less its mean left of and below each corner, from the bottom."""
     picture = light.radiance
     flat = picture[::-1] - picture.mean((0, 1))
     table = np.zeros((picture.shape[0] + 1, picture.shape[1] + 1, 4))
@@ -110,9 +110,7 @@ def reflected(light: Area, points: Glossy, side: int = 140) -> Array:
     b, a = np.meshgrid(middles, middles, indexing="ij")
     ab = np.stack([a.ravel(), b.ravel()], -1)
     radiance = light.emitted(ab)
-    out = [
-        adds(light, one(points, i), ab[None])[0] @ radiance / side**2 for i in range(len(points.position))
-    ]
+    out = [adds(light, one(points, i), ab[None])[0] @ radiance / side**2 for i in range(len(points.position))]
     return points.color * np.array(out)
 
 

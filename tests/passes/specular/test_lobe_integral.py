@@ -91,7 +91,9 @@ def test_a_lobe_full_of_light_reflects_its_colour(runner: Runner, rng: np.random
     view, points = floor(rng, 60.0)
     points.position[:] = view["eye"][0] = (0, 0, 0)
     view["eye"][0] = points.eye[:] = (0, 3, 0)
-    light = Area(np.array([-6, 1, -6.0]), np.array([12.0, 0, 0]), np.array([0, 0, 12.0]), np.full((1, 1, 3), 4.0))
+    light = Area(
+        np.array([-6, 1, -6.0]), np.array([12.0, 0, 0]), np.array([0, 0, 12.0]), np.full((1, 1, 3), 4.0)
+    )
     found = shade(runner, view, points, light)
     assert_within(found[:, :3], 4 * points.color, 2e-3 * 4 * points.color, "specular · L")
 

@@ -5,14 +5,12 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from tests.passes.reference.lights import Area
 from tests.passes.reference.lobes import adds, lobe_light, reflected, sums
 from tests.passes.reference.run import Runner, assert_within, read
 from tests.passes.reference.structs import RAY, row
 from tests.passes.specular.test_lobe_integral import SIDE, floor, screen
 
 STEM = "passes/specular/lobe_rays"
-LIT, DARK = 2, 4
 
 
 @pytest.mark.parametrize("exponent", [2.0, 500.0])
@@ -87,9 +85,3 @@ def test_only_those_ask_again_whose_samples_disagree(runner: Runner, rng: np.ran
     )
     doubt = (share[:, :3] > 0).any(1) & (share[:, :3] < 1).any(1)
     assert (read(out, "lobe_flags", np.uint32) == before * doubt).all()
-
-
-def test_a_light_behind_the_floor_asks_nothing(runner: Runner, rng: np.random.Generator) -> None:
-    view, points = floor(rng, 10.0)
-    light = Area(np.array([-1, -3.0, -1]), np.array([2.0, 0, 0]), np.array([0, 1.0, 0]), np.ones((1, 1, 3)))
-    assert not reflected(light, points, 40).any()

@@ -1,4 +1,4 @@
-"""`bilateral`: pixels of the finest fragments take the light of the nodes around them on their own surface."""
+"""`bilateral`: pixels of the finest fragments take the light of the nodes around them on their surface."""
 
 from __future__ import annotations
 
