@@ -1,10 +1,12 @@
 //! Every number and choice that a user can set: stated once, here, with its range, unit and source.
 
+mod presets;
 mod spec;
 
 use std::collections::BTreeMap;
 
 use crate::error::{Error, Result};
+pub use presets::{Changes, PRESETS};
 pub use spec::{Default, Kind, Spec, Value};
 
 const OFF_ON: &[&str] = &["off", "on"];
@@ -307,47 +309,6 @@ pub const SPECS: &[Spec] = &[
     int("seed", [0, 4_294_967_295], 0, "Another seed gives other sample positions.", ""),
     later("target_error", POSITIVE, "relative", "Error at which the renderer may stop.", ""),
     later("budget_ms", POSITIVE, "ms", "Time that the renderer may take.", ""),
-];
-
-/// Settings that a preset changes.
-pub type Changes = &'static [(&'static str, Default)];
-
-/// The presets of the API: what they change, or `None` while their passes do not exist yet.
-pub const PRESETS: &[(&str, Option<Changes>)] = &[
-    ("splatting-2009", None),
-    ("radiosity-2009", None),
-    ("hierarchical-2009", None),
-    (
-        "area-2010",
-        Some(&[
-            ("refine", Default::Text("incremental")),
-            ("visibility", Default::Text("voxel")),
-            ("visibility_reuse", Default::Text("incremental")),
-            ("interleave", Default::Int(2)),
-            ("light_pattern", Default::Text("grid")),
-            ("upsample", Default::Text("edge-aware")),
-            // Slopes fire on every floor that is seen at a grazing angle (N19): the plane metric stays.
-            ("normal_metric", Default::Text("component")),
-            // 25 places show their shadows one by one.
-            ("lobe_samples", Default::Int(81)),
-            ("lobe_threshold", Default::Float(0.2)),
-            ("normal_threshold", Default::Float(0.5)),
-        ]),
-    ),
-    ("area-2016", None),
-    ("brute-force", Some(&[])),
-    (
-        "default",
-        Some(&[
-            ("direct_estimator", Default::Text("ratio")),
-            ("refine", Default::Text("one-pass")),
-            ("visibility_reuse", Default::Text("incremental")),
-            ("coarsest_level", Default::Int(5)),
-            // Normals and depths do not matter to what is exact at each pixel: shadows alone refine.
-            ("depth_threshold", Default::None),
-            ("normal_threshold", Default::None),
-        ]),
-    ),
 ];
 
 /// Checked settings, every one of them present.

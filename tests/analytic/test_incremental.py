@@ -15,7 +15,7 @@ from tests.claim_scenes import CLAIMS
 from tests.fragment_rules import assert_partition, assert_reasons, assert_seen
 
 Array = NDArray[np.float64]
-AREA = ml.Settings.preset("area-2010")
+AREA = ml.Settings.preset("area-2010").replace(visibility="ray")
 BRUTE = ml.Settings.preset("brute-force").replace(light_pattern="grid")
 OUTPUTS = ("image", "direct", "fragments", "surface_mask", "light_mask", "position", "statistics")
 VIEW = ml.Camera.look_at((0, 2.5, 4), (0, 0.6, 0), fov_y=50, width=70, height=45)

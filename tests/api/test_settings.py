@@ -82,10 +82,11 @@ def test_help_shows_ranges_defaults_and_what_is_not_there_yet() -> None:
         ({"bit_threshold": 0}, ["'bit_threshold' is 0", "from 1 up to 4096", "or None"]),
         ({"bit_threshold": 2.5}, ["2.5", "whole number"]),
         ({"voxel_resolution": 8}, ["8", "from 16 up to 2048"]),
-        ({"voxel_slices": None}, ["None", "whole number"]),
+        ({"voxel_slices": None}, ["None", "a multiple of 32"]),
         ({"voxel_march": "steps"}, ["'steps'", "'uniform', 'dda'"]),
         ({"voxel_bias": -1.0}, ["-1.0", "from 0"]),
-        ({"visibility": "voxel"}, ["visibility='voxel'", "not available yet"]),
+        ({"visibility": "voxels"}, ["'voxels'", "did you mean 'voxel'"]),
+        ({"lobe_samples": 24}, ["24", "9, 25, 49"]),
         ({"target_error": 0.01}, ["'target_error'", "not available yet", "0.01"]),
         ({"budget_ms": 5}, ["'budget_ms'", "not available yet"]),
         ({"budget_ms": float("nan")}, ["nan", "a number above 0"]),
@@ -182,10 +183,11 @@ def test_presets_lists_what_can_be_rendered() -> None:
         assert settings == ml.Settings.preset(name)
 
 
-def test_area_2010_is_incremental_refinement_with_rays() -> None:
+def test_area_2010_is_incremental_refinement_with_voxels() -> None:
     area = ml.Settings.preset("area-2010")
     assert area.refine == area.visibility_reuse == "incremental"
-    assert area.visibility == "ray"
+    assert area.visibility == "voxel"
+    assert (area.lobe_samples, area.specular_visibility) == (81, "ray")
     assert (area.interleave, area.light_pattern, area.upsample) == (2, "grid", "edge-aware")
     assert (area.illumination_threshold, area.bit_threshold) == (0.1, 128)
     assert area.replace(illumination_threshold=None, bit_threshold=None).bit_threshold is None

@@ -123,13 +123,8 @@ fn shade(
         weights: &weights,
         seen: &seen,
     };
-    let hits: Buffer<Hit> = context.resources.buffer("lobe_hits", if variance { len * places } else { 1 })?;
     for first in (0..count).step_by(len).filter(|_| variance) {
-        let work = at(first);
-        lobe_ask::record(context, &work)?;
-        let range = 0..work.count * places;
-        context.rays += context.tracer.closest(context.recorder, "lobe_trace", &rays, &hits, range)?;
-        lobe_visible::distances(context, &work, &hits, &distances)?;
+        measure(context, &at(first), &distances)?;
     }
     let occluded: Buffer<u32> = context.resources.buffer("lobe_occluded", (len * places).div_ceil(32))?;
     for first in (0..count).step_by(len) {
@@ -152,4 +147,13 @@ fn shade(
         lobe_gather::record(context, &work, lit)?;
     }
     Ok(())
+}
+
+/// How far the rays to all places go.
+fn measure(context: &mut Context<'_, '_>, work: &Work<'_>, distances: &Buffer<f32>) -> Result<()> {
+    let rays = work.count * work.places();
+    let hits: Buffer<Hit> = context.resources.buffer("lobe_hits", rays)?;
+    lobe_ask::record(context, work)?;
+    context.rays += context.tracer.closest(context.recorder, "lobe_trace", work.rays, &hits, 0..rays)?;
+    lobe_visible::distances(context, work, &hits, distances)
 }

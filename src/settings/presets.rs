@@ -1,0 +1,44 @@
+//! The presets of the API: what each changes.
+
+use super::spec::Default;
+
+/// Settings that a preset changes.
+pub type Changes = &'static [(&'static str, Default)];
+
+/// The presets of the API: what they change, or `None` while their passes do not exist yet.
+pub const PRESETS: &[(&str, Option<Changes>)] = &[
+    ("splatting-2009", None),
+    ("radiosity-2009", None),
+    ("hierarchical-2009", None),
+    (
+        "area-2010",
+        Some(&[
+            ("refine", Default::Text("incremental")),
+            ("visibility", Default::Text("voxel")),
+            ("visibility_reuse", Default::Text("incremental")),
+            ("interleave", Default::Int(2)),
+            ("light_pattern", Default::Text("grid")),
+            ("upsample", Default::Text("edge-aware")),
+            // Slopes fire on every floor that is seen at a grazing angle (N19): the plane metric stays.
+            ("normal_metric", Default::Text("component")),
+            // 25 places show their shadows one by one.
+            ("lobe_samples", Default::Int(81)),
+            ("lobe_threshold", Default::Float(0.2)),
+            ("normal_threshold", Default::Float(0.5)),
+        ]),
+    ),
+    ("area-2016", None),
+    ("brute-force", Some(&[])),
+    (
+        "default",
+        Some(&[
+            ("direct_estimator", Default::Text("ratio")),
+            ("refine", Default::Text("one-pass")),
+            ("visibility_reuse", Default::Text("incremental")),
+            ("coarsest_level", Default::Int(5)),
+            // Normals and depths do not matter to what is exact at each pixel: shadows alone refine.
+            ("depth_threshold", Default::None),
+            ("normal_threshold", Default::None),
+        ]),
+    ),
+];
