@@ -62,6 +62,10 @@ bench: setup ## Measure passes, rays, errors and Mitsuba; writes benches/results
 bench-claims: setup ## Hold the claims about direct light against Mitsuba and brute force; writes benches/results
 	$(BIN)/python benches/claims.py --sizes 256 512 1024 --write
 
+.PHONY: bench-area
+bench-area: setup ## Hold paper C's preset against its bounds; writes benches/results
+	$(BIN)/python benches/area2010.py
+
 .PHONY: bench-gpu
 bench-gpu: setup ## The same on a GPU, without Mitsuba
 	$(BIN)/python benches/run.py --adapter gpu --no-mitsuba

@@ -34,7 +34,7 @@ def _commit() -> str:
     return done.stdout.strip() or "unknown"
 
 
-def _about(renderer: ml.Renderer) -> dict[str, Any]:
+def about(renderer: ml.Renderer) -> dict[str, Any]:
     about = renderer.adapter
     return {
         "adapter": about["name"],
@@ -97,7 +97,7 @@ def main() -> None:
     options = parser.parse_args()
     warnings.simplefilter("ignore", ml.SoftwareAdapterWarning)
     with ml.Renderer(options.adapter) as renderer:
-        result: dict[str, Any] = _about(renderer)
+        result: dict[str, Any] = about(renderer)
         print(f"{result['adapter']}, {result['trace']} rays, {result['commit']}", flush=True)
         result["rows"] = []
         for name in options.only:

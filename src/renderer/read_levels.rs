@@ -38,12 +38,27 @@ pub(super) fn is_level_name(name: &str) -> bool {
 }
 
 /// # Errors
-/// `Settings` for a name of these where nothing is refined level by level.
+/// `Settings` for a name of these where nothing is refined level by level, or of a level that is not used.
 pub(super) fn check_names(names: &[String], settings: &Settings) -> Result<()> {
-    match names.iter().find(|name| is_level_name(name)) {
-        Some(name) if !is_incremental(settings) => Err(Error::Settings(format!(
-            "there is no resource {name:?} to keep: refine is not incremental; allowed: refine=\"incremental\""
-        ))),
+    let [finest, coarsest] = ["finest_level", "coarsest_level"].map(|name| settings.int(name));
+    for (name, what) in names.iter().filter_map(|name| Some((name, asked(name)?))) {
+        if !is_incremental(settings) {
+            return Err(Error::Settings(format!(
+                "there is no resource {name:?} to keep: refine is not incremental; allowed: refine=\"incremental\""
+            )));
+        }
+        held(name, what, finest, coarsest)?;
+    }
+    Ok(())
+}
+
+/// # Errors
+/// `Settings` for a level that is not used.
+fn held(name: &str, asked: Asked, finest: u32, coarsest: u32) -> Result<()> {
+    match asked {
+        Asked::Causes(level) | Asked::Light(level) if !(finest..=coarsest).contains(&level) => {
+            Err(Error::Settings(format!("{name:?} is of no level that is used; allowed: {finest} to {coarsest}")))
+        }
         _ => Ok(()),
     }
 }
@@ -57,18 +72,13 @@ impl Kept {
                 "{name:?} is there only with refine=\"incremental\" and a light that reaches something"
             )));
         };
+        let what = asked(name).unwrap_or(Asked::Bits);
         let pyramid = &looked.nodes.pyramid;
-        let held = |level: u32| {
-            let fine = (pyramid.finest..=pyramid.coarsest).contains(&level);
-            let text = || {
-                format!("{name:?} is of no level that was used; allowed: {} to {}", pyramid.finest, pyramid.coarsest)
-            };
-            if fine { Ok(level) } else { Err(Error::Settings(text())) }
-        };
-        match asked(name) {
-            Some(Asked::Causes(level)) => self.causes(gpu, looked, held(level)?),
-            Some(Asked::Light(level)) => self.light(gpu, looked, held(level)?),
-            _ => self.bits(gpu, looked),
+        held(name, what, pyramid.finest, pyramid.coarsest)?;
+        match what {
+            Asked::Causes(level) => self.causes(gpu, looked, level),
+            Asked::Light(level) => self.light(gpu, looked, level),
+            Asked::Bits => self.bits(gpu, looked),
         }
     }
 

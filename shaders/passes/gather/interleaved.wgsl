@@ -43,22 +43,24 @@ struct InterleavedParams {
 @group(0) @binding(5) var<storage, read> light_radiance: array<vec4f>;
 @group(0) @binding(6) var<storage, read_write> node_irradiance: array<vec4f>;
 
-// Word `word` of what a neighbour knows and sees of the light; zeros where there is none of this level on this surface.
-fn word_of(node: u32, word: u32) -> vec2u {
-    let at = (max(node, 1u) - 1u) * 2u * params.words + word;
-    return select(vec2u(0u), vec2u(node_bits[at], node_bits[at + params.words]), node != 0u);
+// Word `word` of what a neighbour knows of the light, or, `seen`, sees of it; zero where there is none of this level on this
+// surface.
+fn word_of(node: u32, word: u32, seen: bool) -> u32 {
+    let at = ((max(node, 1u) - 1u) * 2u + select(0u, 1u, seen)) * params.words + word;
+    return select(0u, node_bits[at], node != 0u);
 }
 
-// How much of the samples that face a node it sees.
-fn seen_of(node: u32) -> f32 {
-    var known = 0u;
-    var seen = 0u;
+// How many samples face a node, and how many of them it sees.
+fn faced_and_seen(node: u32) -> vec2f {
+    var both = vec2u(0u);
     for (var word = 0u; word < params.words; word++) {
-        let words = word_of(node, word);
-        known += countOneBits(words.x);
-        seen += countOneBits(words.y);
+        both += countOneBits(vec2u(word_of(node, word, false), word_of(node, word, true)));
     }
-    return f32(seen) / f32(max(known, 1u));
+    return vec2f(both);
+}
+
+fn seen_of(both: vec2f) -> f32 {
+    return both.y / max(both.x, 1.0);
 }
 
 fn neighbour(texel: vec2u, receiver: Receiver, k: u32) -> u32 {
@@ -72,30 +74,40 @@ fn neighbour(texel: vec2u, receiver: Receiver, k: u32) -> u32 {
     return select(0u, node, counts);
 }
 
-// How many of the neighbours whose words these are have bit `bit`: the node itself, those left and right of it, above and
-// below, and in the corners, each of which asked another set.
-fn counts(words: array<u32, 9>, bit: u32) -> vec4f {
-    let beside = ((words[3] >> bit) & 1u) + ((words[5] >> bit) & 1u);
-    let above = ((words[1] >> bit) & 1u) + ((words[7] >> bit) & 1u);
-    let left = ((words[0] >> bit) & 1u) + ((words[6] >> bit) & 1u);
-    let right = ((words[2] >> bit) & 1u) + ((words[8] >> bit) & 1u);
-    return vec4f(vec4u((words[4] >> bit) & 1u, beside, above, left + right));
+// How many of the node itself, of those left and right of it, above and below, and in the corners, each of which asked
+// another set, have each bit of a word: bits of these numbers.
+struct Counts {
+    ones: vec4u,
+    twos: vec4u,
+    fours: u32,     // of the corners
+}
+
+fn counts_of(nodes: array<u32, 9>, word: u32, seen: bool) -> Counts {
+    let left = word_of(nodes[3], word, seen);
+    let right = word_of(nodes[5], word, seen);
+    let over = word_of(nodes[1], word, seen);
+    let under = word_of(nodes[7], word, seen);
+    let a = word_of(nodes[0], word, seen);
+    let b = word_of(nodes[2], word, seen);
+    let c = word_of(nodes[6], word, seen);
+    let d = word_of(nodes[8], word, seen);
+    let ones = vec4u(word_of(nodes[4], word, seen), left ^ right, over ^ under, a ^ b ^ c ^ d);
+    let carry = (a ^ b) & (c ^ d);
+    let pairs = vec2u(a & b, c & d);
+    let twos = vec4u(0u, left & right, over & under, pairs.x ^ pairs.y ^ carry);
+    return Counts(ones, twos, pairs.x & pairs.y);
+}
+
+// Those of one bit.
+fn counts_at(c: Counts, bit: u32) -> vec4f {
+    let low = ((c.ones >> vec4u(bit)) & vec4u(1u)) + 2u * ((c.twos >> vec4u(bit)) & vec4u(1u));
+    return vec4f(low + vec4u(0u, 0u, 0u, 4u * ((c.fours >> bit) & 1u)));
 }
 
 // Share of a sample of each set that is seen; of a set that nobody asked, the mean of the others.
 fn seen_shares(known: vec4f, seen: vec4f) -> vec4f {
     let mean = dot(seen, vec4f(1.0)) / max(dot(known, vec4f(1.0)), 1.0);
     return select(vec4f(mean), seen / max(known, vec4f(1.0)), known > vec4f(0.0));
-}
-
-// Sample j of a set, of all samples number `sample`.
-fn point_of(first: u32, sample: u32, j: u32, set_: u32) -> vec3f {
-    if !GRID {
-        return light_points[first + sample].xyz;
-    }
-    let cell = 2u * vec2u(j % params.row, j / params.row) + vec2u(set_ & 1u, set_ >> 1u);
-    let middle = vec2f(cell) + 0.5;
-    return params.corner + middle.x * params.step_u + middle.y * params.step_v;
 }
 
 // What a sample at `point` adds when it is seen.
@@ -116,14 +128,74 @@ fn term(at: Receiver, point: vec3f) -> f32 {
     return select(0.0, cos_s * cos_l / d2, counts);
 }
 
-// Sample j of set `set_`: what it adds, without a radiance that all share.
-fn sample_of(at: Receiver, first: u32, j: u32, set_: u32) -> vec3f {
+// A light as a node sees it: vectors from the node to its first sample and from sample to sample, and their products with
+// both normals, (geometric, shading). Lengths are shares of what lies between node and light, so that none of their powers
+// overflows.
+struct Seen {
+    first: vec3f,
+    along_u: vec3f,
+    along_v: vec3f,
+    cos_first: vec2f,
+    cos_u: vec2f,
+    cos_v: vec2f,
+    height: f32,        // of the node over the light's plane, on a side that emits
+    scale: f32,
+}
+
+fn products(at: Receiver, v: vec3f) -> vec2f {
+    return vec2f(dot(at.normal_geo, v), dot(at.normal_shade, v));
+}
+
+fn light_from(at: Receiver) -> Seen {
+    let far = params.corner - at.origin;
+    let scale = 1.0 / (length(far) + f32(params.row) * length(params.step_u) + length(params.step_v));
+    let u = params.step_u * scale;
+    let v = params.step_v * scale;
+    let first = far * scale + 0.5 * (u + v);
+    let height = -dot(params.normal, first);
+    let emitting = select(height, abs(height), params.two_sided != 0u);
+    return Seen(first, u, v, products(at, first), products(at, u), products(at, v), emitting, scale);
+}
+
+// The same as `term` for the sample in a column and a row of the light, over the square of the scale.
+fn grid_term(s: Seen, cell: vec2f) -> f32 {
+    let d = s.first + cell.x * s.along_u + cell.y * s.along_v;
+    let cosines = s.cos_first + cell.x * s.cos_u + cell.y * s.cos_v;
+    let d2 = dot(d, d);
+    let near = 1.0 / d2;
+    let counts = cosines.x > 0.0 && cosines.y > 0.0 && s.height > 0.0 && d2 > 0.0;
+    return select(0.0, (cosines.y * near) * (s.height * near), counts);
+}
+
+// Sample of set `set_` in a column and row of that set: what it adds, without a radiance that all share.
+fn sample_of(at: Receiver, s: Seen, first: u32, j: u32, place: vec2f, set_: u32) -> vec3f {
     let sample = set_ * params.strata + j;
-    let weight = vec3f(term(at, point_of(first, sample, j, set_)));
+    var weight = 0.0;
+    if GRID {
+        weight = grid_term(s, place + vec2f(vec2u(set_ & 1u, set_ >> 1u)));
+    } else {
+        weight = term(at, light_points[first + sample].xyz);
+    }
     if CONSTANT {
-        return weight;
+        return vec3f(weight);
     }
     return weight * light_radiance[sample].xyz;
+}
+
+// Column and row of the next sample of a set.
+fn after(place: vec2f) -> vec2f {
+    return select(vec2f(place.x + 2.0, place.y), vec2f(0.0, place.y + 2.0), place.x + 2.0 == 2.0 * f32(params.row));
+}
+
+// All sets at one place, each by its share.
+fn samples_of(at: Receiver, s: Seen, first: u32, j: u32, place: vec2f, shares: vec4f) -> vec3f {
+    var sum = shares.x * sample_of(at, s, first, j, place, 0u);
+    if params.classes == 4u {
+        sum += shares.y * sample_of(at, s, first, j, place, 1u);
+        sum += shares.z * sample_of(at, s, first, j, place, 2u);
+        sum += shares.w * sample_of(at, s, first, j, place, 3u);
+    }
+    return sum;
 }
 
 // From the own set and those of the neighbours beside, above and in the corners to sets 0, 1, 2, 3.
@@ -147,40 +219,46 @@ fn main(
     let receiver = node_receivers[node];
     let size = pyramid.levels[pyramid.level];
     let texel = texel_of(size, row.x - size.z);
-    let share = seen_of(node + 1u);
+    let mine = faced_and_seen(node + 1u);
+    var all = vec2f(f32(params.strata), mine.y);
     var nodes: array<u32, 9>;
     for (var k = 0u; k < 9u; k++) {
-        if k == 4u || params.classes > 1u {
+        if k != 4u && params.classes > 1u {
             let other = neighbour(texel, receiver, k);
-            nodes[k] = select(0u, other, abs(seen_of(other) - share) < MOST_APART);
+            let both = faced_and_seen(other);
+            let counts = other != 0u && abs(seen_of(both) - seen_of(mine)) < MOST_APART;
+            nodes[k] = select(0u, other, counts);
+            all += select(vec2f(0.0), vec2f(f32(params.strata), both.y), counts);
         }
     }
+    nodes[4] = node + 1u;
+    let light = light_from(receiver);
     let first = receiver.pattern / params.classes * params.classes * params.strata;
     let own = receiver.pattern % params.classes;
+    // Where all is seen no bit is looked at, and where nothing is, nothing at all: either loop is run by few.
+    let lit = params.words == 0u || all.x == all.y;
+    let samples = select(params.strata, 0u, params.words != 0u && all.y == 0.0);
     var sum = vec3f(0.0);
-    var known: array<u32, 9>;
-    var seen: array<u32, 9>;
-    for (var j = 0u; j < params.strata; j++) {
-        var shares = vec4f(1.0);
-        if params.words != 0u {
-            if j % 32u == 0u {
-                for (var k = 0u; k < 9u; k++) {
-                    let words = word_of(nodes[k], j / 32u);
-                    known[k] = words.x;
-                    seen[k] = words.y;
-                }
-            }
-            shares = by_set(seen_shares(counts(known, j % 32u), counts(seen, j % 32u)), own);
-        }
-        sum += shares.x * sample_of(receiver, first, j, 0u);
-        if params.classes == 4u {
-            sum += shares.y * sample_of(receiver, first, j, 1u);
-            sum += shares.z * sample_of(receiver, first, j, 2u);
-            sum += shares.w * sample_of(receiver, first, j, 3u);
+    var place = vec2f(0.0);
+    for (var j = 0u; j < select(0u, samples, lit); j++) {
+        sum += samples_of(receiver, light, first, j, place, vec4f(1.0));
+        place = after(place);
+    }
+    // A loop in a loop, because what stands in a branch is run by all where any thread takes it.
+    for (var word = 0u; 32u * word < select(samples, 0u, lit); word++) {
+        let known = counts_of(nodes, word, false);
+        let seen = counts_of(nodes, word, true);
+        for (var bit = 0u; bit < min(params.strata - 32u * word, 32u); bit++) {
+            let shares = by_set(seen_shares(counts_at(known, bit), counts_at(seen, bit)), own);
+            sum += samples_of(receiver, light, first, 32u * word + bit, place, shares);
+            place = after(place);
         }
     }
     if CONSTANT {
         sum *= light_radiance[0].xyz;
+    }
+    if GRID {
+        sum *= light.scale * light.scale;
     }
     node_irradiance[node] += vec4f(sum, 0.0);
 }

@@ -26,6 +26,12 @@ struct ReuseParams {
     strata: u32,        // samples that a node asks
     words: u32,         // at most 32
     reuse: u32,         // 0: every sample is asked
+    corner: vec3f,      // of the light, or a spot's position
+    pad0: u32,
+    edge_u: vec3f,
+    pad1: u32,
+    edge_v: vec3f,
+    pad2: u32,
 }
 
 @group(0) @binding(30) var<uniform> grid: Grid;
@@ -49,11 +55,32 @@ fn faces(receiver: Receiver, point: vec4f) -> bool {
     return emits && cone && dot(receiver.normal_geo, d) > 0.0 && dot(receiver.normal_shade, d) > 0.0;
 }
 
-fn facing_bits(receiver: Receiver, word: u32) -> u32 {
-    var bits = 0u;
+fn behind(v: vec4f) -> vec2<bool> {
+    return vec2<bool>(all(v <= vec4f(0.0)), any(v <= vec4f(0.0)));
+}
+
+// Whether the light as a whole faces the surface or is turned away from it: then so are all its samples.
+//   x no sample faces it, y some may not
+fn whole(receiver: Receiver) -> vec2<bool> {
+    let d0 = params.corner - receiver.origin;
+    let d1 = d0 + params.edge_u;
+    let d2 = d0 + params.edge_v;
+    let d3 = d1 + params.edge_v;
+    let g = receiver.normal_geo;
+    let s = receiver.normal_shade;
+    let geo = behind(vec4f(dot(g, d0), dot(g, d1), dot(g, d2), dot(g, d3)));
+    let shade = behind(vec4f(dot(s, d0), dot(s, d1), dot(s, d2), dot(s, d3)));
+    // The same for all of the light, but for rounding.
+    let emits = params.two_sided != 0u || dot(params.light_normal, d0) < 0.0;
+    return vec2<bool>(geo.x || shade.x || !emits, geo.y || shade.y || params.cos_cutoff > -1.0 || !emits);
+}
+
+// Of one word: samples that face the surface. Only where the horizon cuts the light they are looked at one by one.
+fn facing_bits(receiver: Receiver, word: u32, known: vec2<bool>) -> u32 {
     let row = receiver.pattern * params.strata + 32u * word;
     let count = min(params.strata - 32u * word, 32u);
-    for (var k = 0u; k < count; k++) {
+    var bits = select(0xffffffffu >> (32u - count), 0u, known.y);
+    for (var k = 0u; k < select(0u, count, known.y && !known.x); k++) {
         if faces(receiver, points[row + k]) {
             bits |= 1u << k;
         }
@@ -61,28 +88,36 @@ fn facing_bits(receiver: Receiver, word: u32) -> u32 {
     return bits;
 }
 
-// Of one word: samples on which the nodes agree that they are seen, and that they are hidden. Three must have asked one; for
-// fragments of level 1 two are enough, for pixels one.
-fn agreed(nodes: array<u32, 9>, word: u32) -> vec2u {
-    var lit = 0xffffffffu;
-    var dark = 0xffffffffu;
-    var once = 0u;
-    var twice = 0u;
-    var thrice = 0u;
+// What nodes agree on: samples that they see, those that they do not, and which of them one, two or three have asked.
+struct Agreed {
+    lit: u32,
+    dark: u32,
+    asked: vec3u,
+}
+
+fn with_node(a: Agreed, counts: bool, known: u32, seen: u32) -> Agreed {
+    let k = select(0u, known, counts);
+    return Agreed(a.lit & (seen | ~k), a.dark & ~(seen & k), a.asked | vec3u(k, a.asked.xy & vec2u(k)));
+}
+
+// Three must have asked one; for fragments of level 1 two are enough, for pixels one.
+fn enough(a: Agreed) -> vec2u {
+    let asked = select(select(a.asked.x, a.asked.y, pyramid.level == 1u), a.asked.z, pyramid.level >= FAR_APART);
+    return vec2u(a.lit, a.dark) & vec2u(asked);
+}
+
+// Of one word: samples on which the nodes agree that they are seen, and that they are hidden: all of them, or those around.
+fn agreed(nodes: array<u32, 9>, around: u32, word: u32) -> vec2u {
+    var all = Agreed(0xffffffffu, 0xffffffffu, vec3u(0u));
+    var near = all;
     for (var k = 0u; k < 9u; k++) {
-        if nodes[k] != 0u {
-            let at = (nodes[k] - 1u) * 2u * params.words + word;
-            let known = node_bits[at];
-            let seen = node_bits[at + params.words];
-            lit &= seen | ~known;
-            dark &= ~(seen & known);
-            thrice |= twice & known;
-            twice |= once & known;
-            once |= known;
-        }
+        let at = (max(nodes[k], 1u) - 1u) * 2u * params.words + word;
+        let known = node_bits[at];
+        let seen = node_bits[at + params.words];
+        all = with_node(all, nodes[k] != 0u, known, seen);
+        near = with_node(near, (around & (1u << k)) != 0u, known, seen);
     }
-    let enough = select(select(once, twice, pyramid.level == 1u), thrice, pyramid.level >= FAR_APART);
-    return vec2u(lit, dark) & vec2u(enough);
+    return enough(all) | enough(near);
 }
 
 // Whether neighbour k of the parent is one of the four nodes whose middles surround that of `texel`.
@@ -115,22 +150,23 @@ fn ask(
         trusts = (node_rows[row.w].z & ROUGH) == 0u;
     }
     var nodes: array<u32, 9>;
-    var around: array<u32, 9>;
+    var around = 0u;
     if trusts {
         let texel = texel_of(pyramid.levels[pyramid.level], row.x - pyramid.levels[pyramid.level].z);
         for (var k = 0u; k < 9u; k++) {
             let other = neighbour_node(pyramid.level + 1u, texel / 2u, k);
             let same = other != 0u && alike(receiver, node_receivers[max(other, 1u) - 1u]);
             nodes[k] = other;
-            around[k] = select(0u, other, same && lies_around(texel, k));
+            around |= select(0u, 1u << k, same && lies_around(texel, k));
         }
     }
     var lit: array<u32, 32>;
     var dark: array<u32, 32>;
     var counts = vec3u(0u);
+    let light = whole(receiver);
     for (var word = 0u; word < params.words; word++) {
-        let facing = facing_bits(receiver, word);
-        let known = agreed(nodes, word) | agreed(around, word);
+        let facing = facing_bits(receiver, word, light);
+        let known = agreed(nodes, around, word);
         node_bits[node * 2u * params.words + word] = facing;
         lit[word] = facing & known.x;
         dark[word] = facing & known.y;

@@ -38,40 +38,72 @@ fn hidden(receiver: Receiver, point: vec4f, dda: bool) -> bool {
     return meets_in_steps(s);
 }
 
-// Bits of the strata from `first` on, at most 32: of all, or of those in `asked`.
-fn bits_of(receiver: Receiver, first: u32, asked: u32, some: bool, dda: bool) -> u32 {
-    let row = receiver.pattern * params.strata;
-    let count = min(params.strata - first, 32u);
-    let all = 0xffffffffu >> (32u - count);
-    var todo = select(all, all & asked, some);
-    var bits = todo;
-    while todo != 0u {
-        let k = firstTrailingBit(todo);
-        todo &= todo - 1u;
-        let point = points[row + first + k];
-        let facing = faces(params, receiver, point.xyz - receiver.origin);
-        // What does not face stays when it was asked for, and is not seen when all are.
-        var gone = !facing && !some;
-        if facing {
-            gone = hidden(receiver, point, dda);
-        }
-        if gone {
-            bits &= ~(1u << k);
-        }
-    }
-    return bits;
+// What a workgroup marches: the rays of its 64 words of samples, side by side, however they are spread over the receivers.
+// Else a thread with many rays would keep those waiting that have few.
+var<workgroup> rays: array<u32, 2048>;          // 32 lane + sample
+var<workgroup> asked_rays: atomic<u32>;
+var<workgroup> gone: array<atomic<u32>, SIZE>;
+
+// Samples of a word that may be seen: all, or those in `before`.
+fn asked_of(receiver: Receiver, word: u32, before: u32, some: bool) -> u32 {
+    let all = 0xffffffffu >> (32u - min(params.strata - 32u * word, 32u));
+    return select(0u, select(all, all & before, some), receiver.pattern < params.patterns);
 }
 
-fn answer(item: u32, some: bool, dda: bool) {
-    let index = item % params.receivers;
-    let word = item / params.receivers;
-    let at = index * params.words + word;
-    let receiver = receivers[index];
-    var bits = 0u;
-    if receiver.pattern < params.patterns {
-        bits = bits_of(receiver, 32u * word, visibility[at], some, dda);
+// Adds the rays to those samples that face the receiver. What does not face stays when it was asked for, and is not seen
+// when all are. No order shows.
+fn push(receiver: Receiver, word: u32, bits: u32, lane: u32, some: bool) {
+    let row = select(0u, receiver.pattern, bits != 0u) * params.strata + 32u * word;
+    var facing = 0u;
+    for (var todo = bits; todo != 0u; todo &= todo - 1u) {
+        let k = firstTrailingBit(todo);
+        if faces(params, receiver, points[row + k].xyz - receiver.origin) {
+            facing |= 1u << k;
+        }
     }
-    visibility[at] = bits;
+    if !some {
+        atomicOr(&gone[lane], bits & ~facing);
+    }
+    var at = atomicAdd(&asked_rays, countOneBits(facing));
+    for (var todo = facing; todo != 0u; todo &= todo - 1u) {
+        rays[at] = 32u * lane + firstTrailingBit(todo);
+        at++;
+    }
+}
+
+fn answer(first: u32, lane: u32, some: bool, dda: bool) {
+    let item = first + lane;
+    let inside = item < grid.end;
+    let held = select(0u, item, inside);
+    let index = held % params.receivers;
+    let at = index * params.words + held / params.receivers;
+    let receiver = receivers[index];
+    let bits = select(0u, asked_of(receiver, held / params.receivers, visibility[at], some), inside);
+    atomicStore(&gone[lane], 0u);
+    if lane == 0u {
+        atomicStore(&asked_rays, 0u);
+    }
+    workgroupBarrier();
+    push(receiver, held / params.receivers, bits, lane, some);
+    workgroupBarrier();
+    let count = atomicLoad(&asked_rays);
+    for (var i = lane; i < count; i += SIZE) {
+        let asking = first + rays[i] / 32u;
+        let k = rays[i] % 32u;
+        let other = receivers[asking % params.receivers];
+        let point = points[other.pattern * params.strata + 32u * (asking / params.receivers) + k];
+        if hidden(other, point, dda) {
+            atomicOr(&gone[rays[i] / 32u], 1u << k);
+        }
+    }
+    workgroupBarrier();
+    if inside {
+        visibility[at] = bits & ~atomicLoad(&gone[lane]);
+    }
+}
+
+fn first_item(group: vec3u, groups: vec3u) -> u32 {
+    return item_index(grid, group, groups, SIZE, 0u);
 }
 
 @compute @workgroup_size(SIZE)
@@ -80,10 +112,7 @@ fn main(
     @builtin(num_workgroups) groups: vec3u,
     @builtin(local_invocation_index) lane: u32,
 ) {
-    let item = item_index(grid, group, groups, SIZE, lane);
-    if item < grid.end {
-        answer(item, false, false);
-    }
+    answer(first_item(group, groups), lane, false, false);
 }
 
 @compute @workgroup_size(SIZE)
@@ -92,10 +121,7 @@ fn asked(
     @builtin(num_workgroups) groups: vec3u,
     @builtin(local_invocation_index) lane: u32,
 ) {
-    let item = item_index(grid, group, groups, SIZE, lane);
-    if item < grid.end {
-        answer(item, true, false);
-    }
+    answer(first_item(group, groups), lane, true, false);
 }
 
 @compute @workgroup_size(SIZE)
@@ -104,10 +130,7 @@ fn main_dda(
     @builtin(num_workgroups) groups: vec3u,
     @builtin(local_invocation_index) lane: u32,
 ) {
-    let item = item_index(grid, group, groups, SIZE, lane);
-    if item < grid.end {
-        answer(item, false, true);
-    }
+    answer(first_item(group, groups), lane, false, true);
 }
 
 @compute @workgroup_size(SIZE)
@@ -116,8 +139,5 @@ fn asked_dda(
     @builtin(num_workgroups) groups: vec3u,
     @builtin(local_invocation_index) lane: u32,
 ) {
-    let item = item_index(grid, group, groups, SIZE, lane);
-    if item < grid.end {
-        answer(item, true, true);
-    }
+    answer(first_item(group, groups), lane, true, true);
 }

@@ -76,23 +76,19 @@ pub fn record(context: &mut Context<'_, '_>, gbuffer: &GBuffer, keep: bool) -> R
     context.recorder.clear(&pixel_lights)?;
     context.recorder.clear(&active)?;
     let mut found = Found::default();
-    let mut proven = vec![None; context.prepared.lights];
+    let mut proven = Vec::new();
     let mut levels = Levels::new(context, gbuffer, context.view.tiled as usize / TILE_PIXELS as usize)?;
     for light in 0..context.prepared.lights {
         let row = context.prepared.light_rows[light * LIGHT_ROWS + RADIANCE_ROW];
         if row[..3].iter().all(|&channel| channel <= 0.0) {
+            proven.push(None);
             continue;
         }
         let frame = LightFrame::of(context, light);
         let tiles = light_bounds::record(context, gbuffer, &frame, light as u32, &pixel_lights, &active)?;
         let work = Light::new(context, gbuffer, frame, tiles, light)?;
         let share = work.visible_share(context, &mut found)?;
-        if keep {
-            let name = format!("proven_tiles/{light}");
-            let copy = context.resources.buffer(&name, work.tiles.count)?;
-            context.recorder.copy(&work.tiles.flags, &copy, work.tiles.count)?;
-            proven[light] = Some(copy);
-        }
+        proven.push(if keep { Some(work.keep_flags(context)?) } else { None });
         levels.add(context, gbuffer, &pixel_lights, &work.cells, !work.light.is_area())?;
         work.shade(context, &share, &irradiance)?;
     }
@@ -160,6 +156,14 @@ impl<'g> Light<'g> {
         let light = light_samples::blocks(context, light)?;
         let cells = Cells::new(context, tiles.count)?;
         Ok(Self { gbuffer, frame, tiles, light, cells, size })
+    }
+
+    /// A copy of what is proven of each tile, for whoever asked to keep it.
+    fn keep_flags(&self, context: &mut Context<'_, '_>) -> Result<Buffer<u32>> {
+        let name = format!("proven_tiles/{}", self.light.light);
+        let copy = context.resources.buffer(&name, self.tiles.count)?;
+        context.recorder.copy(&self.tiles.flags, &copy, self.tiles.count)?;
+        Ok(copy)
     }
 
     /// Which part of the light each pixel sees: `cells.state`, and in the zone the buffer that is returned.

@@ -5,7 +5,7 @@ use bytemuck::{Pod, Zeroable};
 use crate::error::Result;
 use crate::gpu::Buffer;
 use crate::passes::Context;
-use crate::passes::lights::light_samples::LightSamples;
+use crate::passes::lights::light_samples::{self, LightSamples};
 use crate::passes::refine::nodes::{Level, Nodes};
 
 /// Words of samples that a node may ask; twin of the arrays in `shaders/passes/visibility/reuse.wgsl`.
@@ -31,6 +31,18 @@ pub struct ReuseParams {
     pub words: u32,
     /// 0: every sample is asked.
     pub reuse: u32,
+    /// Of the light, or a spot's position.
+    pub corner: [f32; 3],
+    /// Unused.
+    pub pad0: u32,
+    /// Scene units; zero for a spot, as `edge_v`.
+    pub edge_u: [f32; 3],
+    /// Unused.
+    pub pad1: u32,
+    /// Scene units.
+    pub edge_v: [f32; 3],
+    /// Unused.
+    pub pad2: u32,
 }
 
 /// A level at work: its nodes, what they know of a light, and what they ask.
@@ -52,6 +64,10 @@ impl Reuse<'_> {
         let shadow = self.light.shadow_light();
         // A spot asks one ray a node, and its shadows have no penumbra that would reach a coarser node: nothing to save.
         let reuse = context.settings.is("visibility_reuse", "incremental") && self.light.is_area();
+        let [corner, edge_u, edge_v] = match light_samples::edges(context, self.light.light as usize) {
+            edges if self.light.is_area() => edges,
+            [position, ..] => [position, [0.0; 3], [0.0; 3]],
+        };
         let params = ReuseParams {
             light_normal: shadow.light_normal,
             two_sided: shadow.two_sided.into(),
@@ -61,6 +77,12 @@ impl Reuse<'_> {
             strata: shadow.strata,
             words: shadow.words() as u32,
             reuse: reuse.into(),
+            corner,
+            pad0: 0,
+            edge_u,
+            pad1: 0,
+            edge_v,
+            pad2: 0,
         };
         let kernel = context.kernel("visibility/reuse", entry)?;
         let pass = context.recorder.pass("reuse", &kernel).uniform("params", &params);

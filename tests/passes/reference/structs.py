@@ -200,6 +200,12 @@ REUSE = np.dtype(
         ("cone_axis", "<f4", 3),
         ("cos_cutoff", "<f4"),
         *_fields("first", "strata", "words", "reuse"),
+        ("corner", "<f4", 3),
+        *_fields("pad0"),
+        ("edge_u", "<f4", 3),
+        *_fields("pad1"),
+        ("edge_v", "<f4", 3),
+        *_fields("pad2"),
     ]
 )
 INTERLEAVED = np.dtype(

@@ -147,6 +147,9 @@ def ask(runner: Runner, case: Case, level: int, reuse: bool = True) -> tuple[Fla
         strata=case.strata,
         words=case.words,
         reuse=reuse,
+        corner=light.position if isinstance(light, Spot) else light.corner,
+        edge_u=np.zeros(3) if isinstance(light, Spot) else light.u,
+        edge_v=np.zeros(3) if isinstance(light, Spot) else light.v,
     )
     known = case.bits.words()
     known[first:] = 0xABCDABCD

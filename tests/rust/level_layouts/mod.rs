@@ -45,7 +45,22 @@ fn lobe_light() -> Layout {
 }
 
 fn reuse() -> Layout {
-    host_layout!(ReuseParams { light_normal, two_sided, cone_axis, cos_cutoff, first, strata, words, reuse })
+    host_layout!(ReuseParams {
+        light_normal,
+        two_sided,
+        cone_axis,
+        cos_cutoff,
+        first,
+        strata,
+        words,
+        reuse,
+        corner,
+        pad0,
+        edge_u,
+        pad1,
+        edge_v,
+        pad2
+    })
 }
 
 fn interleaved() -> Layout {

@@ -1,0 +1,186 @@
+"""`make bench-area`: what paper C's preset must show, in one table: each row with its bound, pass or FAIL.
+
+    python benches/area2010.py --only reuse glossy
+    python benches/area2010.py --quick            # small pictures, few samples: does it run at all
+
+Errors are against Mitsuba (cached, `miplight.mitsuba.cache_folder`) or brute force; times by the rules of
+`measure.frames`, all in one run. Rays are those of a second frame, whose G-buffer is kept.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import sys
+import warnings
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any
+
+sys.path.insert(0, str(Path(__file__).resolve().parents[1]))  # the scenes are shared with the tests
+
+
+import measure
+import miplight as ml
+from run import RESULTS, about
+from tests.claim_scenes import CLAIMS, available
+from tests.mitsuba.reference_scenes import glossy_floor, load
+
+AREA = ml.Settings.preset("area-2010")
+RAYS = AREA.replace(visibility="ray")
+BRUTE = ml.Settings.preset("brute-force").replace(light_samples=256)
+SCENES = ("dragon_one", "sphere_one", "nefertiti")
+Row = dict[str, Any]
+
+
+def _row(
+    what: str, scene: str, size: int, value: float, bound: float, least: bool = False, **more: Any
+) -> Row:
+    good = value >= bound if least else value <= bound
+    sign = "≥" if least else "≤"
+    found = {"what": what, "scene": scene, "size": size, "value": value, "bound": f"{sign} {bound:g}"}
+    return found | {"good": bool(good)} | more
+
+
+def _scenes(options: argparse.Namespace) -> list[str]:
+    return [name for name in SCENES if name in CLAIMS and available(name)][: 1 if options.quick else None]
+
+
+def reuse(renderer: ml.Renderer, options: argparse.Namespace) -> Iterator[Row]:
+    """Rays and error of incremental visibility against the naive query, same fragments and interleave."""
+    size = 64 if options.quick else 512
+    for name in _scenes(options):
+        scene, camera = CLAIMS[name].build(size, size)
+        found = []
+        for settings in (RAYS, RAYS.replace(visibility_reuse="off")):
+            renderer.render(scene, camera, settings)
+            frame = renderer.render(scene, camera, settings)
+            found.append((frame.stats.rays, frame.image, frame.surface_mask))
+        (rays, image, mask), (naive, wanted, _) = found
+        error = ml.metrics.relative_rmse(image, wanted, mask=mask, trim=0.001)
+        yield _row("rays, share of the naive query", name, size, rays / naive, 0.15)
+        yield _row("error against the naive query", name, size, error, 0.015)
+
+
+def errors(renderer: ml.Renderer, options: argparse.Namespace) -> Iterator[Row]:
+    """Direct light against Mitsuba, with rays and with voxels."""
+    for size in (32,) if options.quick else (256, 512):
+        for name in _scenes(options):
+            scene, camera = CLAIMS[name].build(size, size)
+            spp = 16 if options.quick else max(256, CLAIMS[name].spp * 256**2 // size**2)
+            reference = ml.mitsuba.reference(scene, camera, spp, part="direct")
+            for settings, label, bounds in ((RAYS, "rays", (0.05, 0.02)), (AREA, "voxels", (0.12, 0.06))):
+                result = ml.testing.compare(renderer.render(scene, camera, settings), reference)
+                yield _row(
+                    f"error, {label}", name, size, result.relative_rmse, bounds[0], untrimmed=result.untrimmed
+                )
+                yield _row(f"median error, {label}", name, size, result.median, bounds[1])
+
+
+def voxels(renderer: ml.Renderer, options: argparse.Namespace) -> Iterator[Row]:
+    """Error of voxels against rays by their resolution; no bound, the figure of the paper."""
+    size = 32 if options.quick else 256
+    scene, camera = CLAIMS[SCENES[0]].build(size, size)
+    wanted = renderer.render(scene, camera, RAYS, outputs=("direct",)).direct
+    table = ml.study.voxel_sweep(scene, camera, settings=AREA, reference=wanted, renderer=renderer)
+    for found in table.to_dict("records"):
+        label = f"voxels {found['voxel_resolution']} × {found['voxel_slices']} against rays"
+        yield _row(label, SCENES[0], size, found["relative_rmse"], 1.0, ms=found["ms"])
+
+
+def times(renderer: ml.Renderer, options: argparse.Namespace) -> Iterator[Row]:
+    """Frames against brute force with as many samples, and the default against the preset."""
+    size = 64 if options.quick else 1024
+    for name in _scenes(options):
+        scene, camera = CLAIMS[name].build(size, size)
+        default = ml.Settings.preset("default")
+        found = {}
+        for label, settings in (("brute", BRUTE), ("rays", RAYS), ("voxels", AREA), ("default", default)):
+            image = renderer.render(scene, camera, settings, outputs=("image", "surface_mask"))
+            found[label] = (measure.frames(renderer, scene, camera, settings)["wall_ms"], image)
+        wanted, mask = found["brute"][1].image, found["brute"][1].surface_mask
+        error = {
+            k: ml.metrics.relative_rmse(v[1].image, wanted, mask=mask, trim=0.001) for k, v in found.items()
+        }
+        ms = {label: taken for label, (taken, _) in found.items()}
+        more = {"ms": ms, "errors": error}
+        yield _row(
+            "times faster than brute force, rays", name, size, ms["brute"] / ms["rays"], 6.0, True, **more
+        )
+        yield _row("times faster than brute force, voxels", name, size, ms["brute"] / ms["voxels"], 6.0, True)
+        yield _row(
+            "default: times faster than the preset", name, size, ms["voxels"] / ms["default"], 2.0, True
+        )
+        yield _row(
+            "default: its error over the preset's", name, size, error["default"] / error["voxels"], 1.0
+        )
+
+
+def glossy(renderer: ml.Renderer, options: argparse.Namespace) -> Iterator[Row]:
+    """A glossy floor under a light with a picture, against the stored references."""
+    for shadowed in (False, True):
+        for exponent in (50,) if options.quick else (10, 50, 200, 1000):
+            name = f"glossy_{'shadowed' if shadowed else 'floor'}_{exponent}"
+            scene, camera = glossy_floor(exponent, shadowed, 96)
+            reference = load(name)
+            for label, settings, bound in (("area-2010", RAYS, 0.10), ("default", "default", 0.04)):
+                frame = renderer.render(scene, camera, settings, outputs=("direct", "surface_mask"))
+                error = ml.metrics.relative_rmse(
+                    frame.direct, reference.mean, mask=frame.surface_mask, trim=0.001
+                )
+                yield _row(f"glossy, {label}", name, 96, error, bound)
+
+
+PARTS: dict[str, Callable[[ml.Renderer, argparse.Namespace], Iterator[Row]]] = {
+    "reuse": reuse,
+    "errors": errors,
+    "voxels": voxels,
+    "times": times,
+    "glossy": glossy,
+}
+
+
+def _markdown(rows: list[Row], facts: dict[str, Any]) -> str:
+    lines = [f"{facts['adapter']}, {facts['machine']}, {facts['date']}, commit {facts['commit']}", ""]
+    lines += ["| what | scene | size | found | bound | |", "|---|---|--:|--:|--:|---|"]
+    for row in rows:
+        verdict = "pass" if row["good"] else "**FAIL**"
+        lines.append(
+            f"| {row['what']} | {row['scene']} | {row['size']} | {row['value']:.4g} | {row['bound']} | {verdict} |"
+        )
+    return "\n".join(lines) + "\n"
+
+
+def _line(row: Row) -> str:
+    verdict = "pass" if row["good"] else "FAIL"
+    where = f"{row['what']:<44}{row['scene']:<22}{row['size']:>5}"
+    return f"{where}{row['value']:>10.4f}  {row['bound']:<8}{verdict}"
+
+
+def main() -> int:
+    """Run the parts, print a line a row, and write the table unless it is quick."""
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    parser.add_argument("--only", nargs="+", choices=PARTS, default=list(PARTS))
+    parser.add_argument("--quick", action="store_true", help="small and rough; nothing is written")
+    parser.add_argument("--adapter", default="auto")
+    options = parser.parse_args()
+    warnings.simplefilter("ignore", ml.SoftwareAdapterWarning)
+    rows: list[Row] = []
+    with ml.Renderer(options.adapter) as renderer:
+        for part in options.only:
+            for row in PARTS[part](renderer, options):
+                rows.append(row)
+                print(_line(row), flush=True)
+        facts = about(renderer)
+    if not options.quick:
+        (RESULTS / "area-2010.json").write_text(
+            json.dumps({"about": facts, "rows": rows}, indent=1, default=float) + "\n"
+        )
+        (RESULTS / "area-2010.md").write_text(_markdown(rows, facts))
+    return int(not all(row["good"] for row in rows) and not options.quick)
+
+
+if __name__ == "__main__":
+    sys.exit(main())
