@@ -64,8 +64,8 @@ pub const GEOMETRY: [&str; 3] = ["geometry/primary_rays", "geometry/trace", "geo
 /// Passes of direct light.
 pub const DIRECT: [&str; 5] =
     ["direct/light_samples", "direct/receivers", "direct/shadow", "direct/gather", "direct/gather_ratio"];
-/// Passes of occlusion by voxels: before any receiver, and for each list of them.
-pub const VOXELS: [&str; 2] = ["direct/voxelize", "direct/voxel_shadow"];
+/// Passes of occlusion by voxels; the last for each list of receivers.
+pub const VOXELS: [&str; 3] = ["direct/voxelize", "direct/voxel_blocks", "direct/voxel_shadow"];
 /// Passes of occlusion by shadow maps; the last for each list of receivers.
 pub const MAPS: [&str; 3] = ["direct/map_rays", "direct/map_trace", "direct/map_shadow"];
 /// Passes of direct light where shadows decide what is worth a ray.
@@ -198,14 +198,14 @@ fn other_visibility(settings: &Settings, kind: &str) -> Option<&'static str> {
 impl Plan {
     /// What is made once for all that ask whether they see a light sample.
     pub fn add_prepared_occlusion(&mut self, settings: &Settings, skip: Option<&'static str>) {
-        self.add(&VOXELS[..1], skip.or(other_visibility(settings, "voxel")));
+        self.add(&VOXELS[..2], skip.or(other_visibility(settings, "voxel")));
         self.add(&MAPS[..2], skip.or(other_visibility(settings, "shadow-map")));
     }
 
     /// Those who ask it.
     pub fn add_occlusion(&mut self, settings: &Settings, skip: Option<&'static str>) {
         self.add(&DIRECT[2..3], skip.or(other_visibility(settings, "ray")));
-        self.add(&VOXELS[1..], skip.or(other_visibility(settings, "voxel")));
+        self.add(&VOXELS[2..], skip.or(other_visibility(settings, "voxel")));
         self.add(&MAPS[2..], skip.or(other_visibility(settings, "shadow-map")));
     }
 
@@ -356,7 +356,7 @@ mod tests {
     fn occlusion_is_found_in_one_way() {
         for (kind, runs) in [("none", ""), ("ray", "shadow"), ("voxel", "voxel_shadow"), ("shadow-map", "map_shadow")] {
             let plan = plan(ROOM, &settings(&[("visibility", kind)]), Valid::default());
-            let all = [DIRECT[2], VOXELS[0], VOXELS[1], MAPS[0], MAPS[1], MAPS[2]];
+            let all = [DIRECT[2], VOXELS[0], VOXELS[2], MAPS[0], MAPS[1], MAPS[2]];
             let asked: Vec<_> = all.into_iter().filter(|pass| plan.runs(pass)).collect();
             assert!(asked.iter().all(|pass| asked.len() <= 3 && pass.starts_with("direct/")));
             assert_eq!(asked.last().map_or("", |pass| &pass[7..]), runs);

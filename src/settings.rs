@@ -233,7 +233,13 @@ pub const SPECS: &[Spec] = &[
         "How a ray goes through the voxels: in equal steps, each of which looks at several slices, or voxel by voxel.",
         "[NPW10 Sec. 3.3.1]",
     ),
-    int("voxel_steps", [2, 1024], 48, "Steps of a ray through the voxels; `voxel_march` uniform only.", "[NPW10]"),
+    int(
+        "voxel_steps",
+        [2, 1024],
+        128,
+        "Steps of a ray through the voxels at most; `voxel_march` uniform only.",
+        "[NPW10]",
+    ),
     Spec {
         unit: "voxels",
         nullable: false,

@@ -1,13 +1,10 @@
-// A segment through the voxels: where it begins and ends, and whether it meets a voxel in between.
+// A segment through the voxels: where it begins and ends, and its way over the image.
 // What lies outside of the grid hides nothing, nor do voxels near the start that the segment has not left since it began:
 // they hold its own surface, or one that meets it in a corner [Deviation: the paper's bias alone leaves dark corners].
 
 import package::common::voxel_triangle::clip;
-import package::common::voxels::{Voxels, cell_at, cell_place, eye_direction, eye_space, slice_at, word_mask};
+import package::common::voxels::{Voxels, cell_place, eye_direction, eye_space};
 
-// Slices that are looked at ahead of each step: the thick ray of [NPW10 Sec. 3.3.1]. None behind, where the ray has
-// just left a surface.
-const THICK: f32 = 1.0;
 // Voxels, along the ray, from which on it must have left what it started in.
 const LEAVE: f32 = 2.0;
 
@@ -52,105 +49,39 @@ fn segment_of(origin: vec3f, n: vec3f, point: vec3f, m: vec3f) -> Segment {
     return Segment(start, along, range, array(vec4f(n_eye, dot(n_eye, foot)), vec4f(m_eye, dot(m_eye, tip))));
 }
 
-// The part of the depths x..y along the eye ray through `q` that lies above a surface, by as much as the ray's ends do.
-// What is below the tangent plane of its own end hides nothing from a ray, however far a step looks.
-fn above(plane: vec4f, q: vec3f, depths: vec2f) -> vec2f {
-    let slope = dot(plane.xyz, q) / q.z;
-    let limit = (plane.w + voxels.bias * voxel_width(q, plane.xyz)) / slope;
+// A segment on the image, where all is straight as well: at share s of it the place is place + s step, 1 / depth is
+// near + s slope. The slope of a plane of depth-free normal n, n (x/z, y/z, 1), is plane + s turn, for both ends' surfaces.
+struct Path {
+    place: vec2f,
+    step: vec2f,
+    near: f32,
+    slope: f32,
+    plane: vec2f,
+    turn: vec2f,
+    leave: f32,         // share within which it may leave what it started in
+}
+
+fn path_of(s: Segment) -> Path {
+    let a = s.start + s.range.x * s.along;
+    let b = s.start + s.range.y * s.along;
+    let place = cell_place(voxels, a);
+    let near = 1.0 / a.z;
+    let plane = vec2f(dot(s.planes[0].xyz, a), dot(s.planes[1].xyz, a)) * near;
+    let end = vec2f(dot(s.planes[0].xyz, b), dot(s.planes[1].xyz, b)) / b.z;
+    let far = length(s.along);
+    // Lengths along the ray to shares of its image: that of z is the inverse.
+    let leave = LEAVE * voxel_width(s.start, s.along / far) / far - s.range.x;
+    let share = clamp(leave / (s.range.y - s.range.x), 0.0, 1.0);
+    return Path(
+        place, cell_place(voxels, b) - place, near, 1.0 / b.z - near, plane, end - plane, share * b.z / mix(a.z, b.z, share));
+}
+
+// The part of the depths x..y that lies above a surface, by as much as the ray's ends do: what is below the tangent plane
+// of its own end hides nothing from a ray, however far a step looks. `slope` is that of the plane there, `middle` a depth.
+fn above(plane: vec4f, slope: f32, middle: f32, depths: vec2f) -> vec2f {
+    let across = abs(plane.x) / voxels.scale.x + abs(plane.y) / voxels.scale.y;
+    let width = abs(slope) / voxels.slices_per_depth + middle * across;
+    let limit = (plane.w + voxels.bias * width) / slope;
     let cut = select(vec2f(depths.x, min(depths.y, limit)), vec2f(max(depths.x, limit), depths.y), slope > 0.0);
     return select(cut, depths, slope == 0.0);
-}
-
-// Any voxel of a cell between two depths.
-fn filled(cell: vec2u, z0: f32, z1: f32) -> bool {
-    let first = slice_at(voxels, min(z0, z1));
-    let last = slice_at(voxels, max(z0, z1));
-    let at = (cell.y * voxels.columns + cell.x) * voxels.words;
-    var found = 0u;
-    for (var word = first / 32u; word <= last / 32u; word++) {
-        found |= voxel_bits[at + word] & word_mask(word, first, last);
-    }
-    return found != 0u;
-}
-
-// Share of the segment within which it may leave what it started in.
-fn leave_until(s: Segment) -> f32 {
-    let far = length(s.along);
-    return LEAVE * voxel_width(s.start, s.along / far) / far;
-}
-
-// In equal steps: the cell in the middle of each, all depths that the step spans.
-fn meets_in_steps(s: Segment) -> bool {
-    if s.range.x >= s.range.y {
-        return false;
-    }
-    let step = (s.range.y - s.range.x) / f32(voxels.steps);
-    let thick = select(-THICK, THICK, s.along.z > 0.0) / voxels.slices_per_depth;
-    var leaving = true;
-    let leave = leave_until(s);
-    for (var k = 0u; k < voxels.steps; k++) {
-        let t = s.range.x + (f32(k) + 0.5) * step;
-        let q = s.start + t * s.along;
-        let ends = q.z + vec2f(-0.5, 0.5) * step * s.along.z + vec2f(0.0, thick);
-        var depths = vec2f(min(ends.x, ends.y), max(ends.x, ends.y));
-        depths = above(s.planes[1], q, above(s.planes[0], q, depths));
-        if depths.x <= depths.y && filled(cell_at(voxels, cell_place(voxels, q)), depths.x, depths.y) {
-            if !leaving || t > leave {
-                return true;
-            }
-        } else {
-            leaving = false;
-        }
-    }
-    return false;
-}
-
-// Where the segment leaves a cell on its way (1 or -1) along one axis, through the side `side` (columns or rows from the
-// grid's corner); never where its direction in space does not get there before infinity.
-fn leaves_at(start: f32, along: f32, start_z: f32, along_z: f32, side: f32, way: i32) -> f32 {
-    let slope = along - side * along_z;
-    return select(1e30, (side * start_z - start) / slope, slope * f32(way) > 0.0);
-}
-
-// Every voxel that the segment crosses: cell by cell, all depths between entering and leaving [AW87].
-fn meets_by_voxels(s: Segment) -> bool {
-    if s.range.x >= s.range.y {
-        return false;
-    }
-    let place = voxels.scale * s.start.xy + voxels.center * s.start.z;
-    let slope = voxels.scale * s.along.xy + voxels.center * s.along.z;
-    // The sign of the derivative of place / z, the same everywhere before the eye.
-    let turn = slope * s.start.z - place * s.along.z;
-    let way = vec2i(sign(turn));
-    let size = vec2i(i32(voxels.columns), i32(voxels.rows));
-    var t = s.range.x;
-    var cell = vec2i(cell_at(voxels, cell_place(voxels, s.start + t * s.along)));
-    var leaving = true;
-    let leave = leave_until(s);
-    for (var left = size.x + size.y + 1; left > 0; left--) {
-        let side = vec2f(cell + max(way, vec2i(0)));
-        let exit = vec2f(
-            leaves_at(place.x, slope.x, s.start.z, s.along.z, side.x, way.x),
-            leaves_at(place.y, slope.y, s.start.z, s.along.z, side.y, way.y),
-        );
-        // What may be left is looked at apart from what follows it in the same cell.
-        let whole = clamp(min(exit.x, exit.y), t, s.range.y);
-        let next = select(whole, leave, t < leave && leave < whole);
-        if filled(vec2u(cell), s.start.z + t * s.along.z, s.start.z + next * s.along.z) {
-            if !leaving || t >= leave {
-                return true;
-            }
-        } else {
-            leaving = false;
-        }
-        t = next;
-        if next < whole {
-            continue;
-        }
-        cell += select(vec2i(0, way.y), vec2i(way.x, 0), exit.x < exit.y);
-        if min(exit.x, exit.y) >= s.range.y || any(cell < vec2i(0)) || any(cell >= size) {
-            return false;
-        }
-    }
-    return false;
 }

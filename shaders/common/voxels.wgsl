@@ -1,6 +1,7 @@
 // The grid of voxels: what the camera sees, and a margin, cut on the image into square cells and along the view into
 // slices of equal depth [NPW10 Sec. 3.3: one bit a slice]. A cell has `words` words, bit k % 32 of word k / 32 for
-// slice k. A straight ray crosses the sides of cells where they are planes through the eye.
+// slice k. After the cells follow blocks of them, each with the bits of all its cells and of those in a ring around it.
+// A straight ray crosses the sides of cells where they are planes through the eye.
 
 struct Voxels {
     eye: vec3f,
@@ -17,6 +18,19 @@ struct Voxels {
     slices_per_depth: f32,
     bias: f32,      // voxels between a surface and the end of a marched ray
     steps: u32,
+}
+
+// Cells along an edge of a block, and of the ring on each side.
+const BLOCK: u32 = 4u;
+const RING: u32 = 4u;
+
+fn block_columns(voxels: Voxels) -> u32 {
+    return (voxels.columns + BLOCK - 1u) / BLOCK;
+}
+
+// Cells before the first block.
+fn first_block(voxels: Voxels) -> u32 {
+    return voxels.columns * voxels.rows;
 }
 
 // A direction along the camera's axes: right, down, and depth.

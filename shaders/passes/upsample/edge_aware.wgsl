@@ -2,6 +2,7 @@
 // is taken from where the image was refined [NW09 Sec. 3.5], and only from those that lie near the plane of what is lit
 // and face nearly its way: never across an edge. Where the level above has no light, the neighbour of the texel's own
 // level stands in for it. A texel without such neighbours keeps the light of the fragment it is in.
+//   guide   of every texel from level 1 on what its neighbours ask
 //   level   level `pyramid.level` from the level above
 //   pixels  the image from level 1
 // In: fragments and their irradiance, pyramid, G-buffer. Out: irradiance a pixel.
@@ -9,7 +10,7 @@
 import package::common::gbuffer::{SURFACE, floats};
 import package::common::grid::{Grid, item_index};
 import package::common::illumination::{Above, above, fragment_at, fragment_irradiance, illumination, own_light};
-import package::common::pyramid::{pyramid, texel_number, texel_of};
+import package::common::pyramid::{level_of, pyramid, texel_number, texel_of};
 import package::common::view::View;
 
 @group(0) @binding(30) var<uniform> grid: Grid;
@@ -19,6 +20,9 @@ import package::common::view::View;
 @group(0) @binding(4) var<storage, read> g_normal: array<vec4u>;
 @group(0) @binding(5) var<storage, read> g_geometric: array<vec4u>;
 @group(0) @binding(6) var<storage, read_write> direct_irradiance: array<vec4f>;
+// Two rows a texel: xyz mean position, w inverse of the distance to its plane from which on nothing counts;
+// xyz unit normal, w 1 where it sees a surface, else 0.
+@group(0) @binding(7) var<storage, read_write> guides: array<vec4f>;
 
 // A neighbour counts for nothing from this distance to the plane on, over its width,
 const MOST_OFF: f32 = 0.25;
@@ -29,8 +33,9 @@ fn slot(number: u32) -> u32 {
     return number - pyramid.levels[1].z;
 }
 
-fn fade(share: f32) -> f32 {
-    let left = max(1.0 - share * share, 0.0);
+// From 1 to 0 where `square`, that of a share, reaches 1.
+fn fade(square: f32) -> f32 {
+    let left = max(1.0 - square, 0.0);
     return left * left;
 }
 
@@ -38,15 +43,13 @@ fn unit(v: vec3f) -> vec3f {
     return v / max(length(v), 1e-6);
 }
 
-// How far the texel in row `at` of `means`, of `level`, lies on the surface through p with these normals.
-fn alike(at: u32, level: u32, p: vec3f, normal: vec3f, across: vec3f) -> f32 {
-    let middle = floats(means[3u * at]);
-    let width = f32(1u << level) * pyramid.pixel_width * max(dot(view.eye - middle, view.backward), 1e-30);
-    let step = middle - p;
-    let off = abs(dot(across, step));
-    let turned = length(unit(floats(means[3u * at + 1u])) - normal);
-    let there = select(0.0, 1.0, means[3u * at].w != 0u);
-    return there * fade(off / (MOST_OFF * width)) * fade(turned / MOST_TURNED);
+// How far the texel in row `at` lies on the surface through p with these normals.
+fn alike(at: u32, p: vec3f, normal: vec3f, across: vec3f) -> f32 {
+    let middle = guides[2u * at];
+    let facing = guides[2u * at + 1u];
+    let off = dot(across, middle.xyz - p) * middle.w;
+    let turned = (facing.xyz - normal) * (1.0 / MOST_TURNED);
+    return facing.w * fade(off * off) * fade(dot(turned, turned));
 }
 
 // Number of the texel next to `texel`, of the same level `size`, on the side of `other`, of the level above.
@@ -70,10 +73,28 @@ fn interpolated(level: u32, texel: vec2u, p: vec3f, normal: vec3f, across: vec3f
             row = slot(number);
             light = own_light(number);
         }
-        sum += light.w * at.weight * alike(row, own, p, normal, across) * vec4f(light.xyz, 1.0);
+        sum += light.w * at.weight * alike(row, p, normal, across) * vec4f(light.xyz, 1.0);
     }
     let found = select(home.xyz, sum.xyz / max(sum.w, 1e-30), sum.w > 1e-12);
     return vec4f(select(vec3f(0.0), found, home.w > 0.0), home.w);
+}
+
+@compute @workgroup_size(64)
+fn guide(
+    @builtin(workgroup_id) group: vec3u,
+    @builtin(num_workgroups) groups: vec3u,
+    @builtin(local_invocation_index) lane: u32,
+) {
+    let i = item_index(grid, group, groups, 64u, lane);
+    if i >= grid.end {
+        return;
+    }
+    let row = means[3u * i];
+    let middle = floats(row);
+    let number = pyramid.levels[1].z + i;
+    let width = f32(1u << level_of(number)) * pyramid.pixel_width * max(dot(view.eye - middle, view.backward), 1e-30);
+    guides[2u * i] = vec4f(middle, 1.0 / (MOST_OFF * width));
+    guides[2u * i + 1u] = vec4f(unit(floats(means[3u * i + 1u])), select(0.0, 1.0, row.w != 0u));
 }
 
 @compute @workgroup_size(64)
@@ -89,10 +110,10 @@ fn level(
     let size = pyramid.levels[pyramid.level];
     let at = slot(size.z + i);
     var light = own_light(size.z + i);
-    if light.w == 0.0 && pyramid.level < pyramid.coarsest && means[3u * at].w != 0u {
-        let normal = unit(floats(means[3u * at + 1u]));
+    let facing = guides[2u * at + 1u];
+    if light.w == 0.0 && pyramid.level < pyramid.coarsest && facing.w != 0.0 {
         let across = unit(floats(means[3u * at + 2u]));
-        light = interpolated(pyramid.level + 1u, texel_of(size, i), floats(means[3u * at]), normal, across);
+        light = interpolated(pyramid.level + 1u, texel_of(size, i), guides[2u * at].xyz, facing.xyz, across);
     }
     illumination[at] = light;
 }

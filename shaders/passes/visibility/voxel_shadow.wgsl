@@ -9,7 +9,9 @@
 import package::common::grid::{Grid, item_index};
 import package::common::ray::Receiver;
 import package::common::shadow_query::{ShadowParams, faces};
-import package::common::voxel_march::{Segment, meets_by_voxels, meets_in_steps, segment_of};
+import package::common::voxel_march::{Segment, segment_of};
+import package::common::voxel_steps::meets_in_steps;
+import package::common::voxel_walk::meets_by_voxels;
 
 const SIZE: u32 = 64u;
 

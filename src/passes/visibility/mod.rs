@@ -13,6 +13,7 @@ pub mod trace;
 pub mod trace_native;
 pub mod trace_wgsl;
 mod tree_upload;
+pub mod voxel_blocks;
 mod voxel_depths;
 pub mod voxel_shadow;
 pub mod voxelize;

@@ -102,7 +102,7 @@ impl Occlusion {
     pub fn pass(&self) -> &'static str {
         match self {
             Self::None | Self::Ray => plan::DIRECT[2],
-            Self::Voxel(_) => plan::VOXELS[1],
+            Self::Voxel(_) => plan::VOXELS[2],
             Self::Maps(_) => plan::MAPS[2],
         }
     }

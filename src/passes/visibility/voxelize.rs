@@ -6,7 +6,7 @@
 use bytemuck::{Pod, Zeroable};
 use glam::{DMat4, DVec3};
 
-use super::voxel_depths;
+use super::{voxel_blocks, voxel_depths};
 use crate::error::{Error, Result};
 use crate::gpu::{Buffer, Usage};
 use crate::passes::{Context, View};
@@ -74,7 +74,7 @@ pub struct VoxelizeParams {
 pub struct VoxelGrid {
     /// Where they are.
     pub voxels: Voxels,
-    /// `words` words a cell, row by row.
+    /// `words` words a cell, row by row, and behind them those of the blocks.
     pub bits: Buffer<u32>,
 }
 
@@ -96,7 +96,8 @@ pub fn check(settings: &Settings, camera: &Camera, most: u64) -> Result<()> {
     let (across, margin) = cells(camera.width, camera.height, settings);
     let slices = settings.int("voxel_slices");
     let [columns, rows] = [0, 1].map(|axis| across[axis] + 2 * margin[axis]);
-    let bytes = columns.saturating_mul(rows).saturating_mul(u64::from(slices / 8));
+    let blocks = columns.div_ceil(4).saturating_mul(rows.div_ceil(4));
+    let bytes = columns.saturating_mul(rows).saturating_add(blocks).saturating_mul(u64::from(slices / 8));
     if bytes <= most {
         return Ok(());
     }
@@ -150,8 +151,8 @@ pub fn record(context: &mut Context<'_, '_>) -> Result<VoxelGrid> {
     let mut voxels = place(&context.view, context.settings, [1.0, 2.0]);
     let depths = voxel_depths::range(&voxels, eye_from_scene(&voxels), &meshes);
     voxels = place(&context.view, context.settings, depths);
-    let count = voxels.columns as usize * voxels.rows as usize * voxels.words as usize;
-    let bits = context.resources.buffer("voxel_bits", count)?;
+    let cells = voxels.columns as usize * voxels.rows as usize + voxel_blocks::count(voxels.columns, voxels.rows);
+    let bits = context.resources.buffer("voxel_bits", cells * voxels.words as usize)?;
     context.recorder.clear(&bits)?;
     let mut first = vec![0_u32];
     for placed in &meshes {
@@ -170,6 +171,7 @@ pub fn record(context: &mut Context<'_, '_>) -> Result<VoxelGrid> {
         let params = VoxelizeParams { first: first as u32, triangles: triangles as u32, instances, blocks };
         batch(context, &grid, &starts, params)?;
     }
+    voxel_blocks::record(context, &grid)?;
     Ok(grid)
 }
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -17,6 +18,7 @@ from tests.passes.reference.run import ULP, Runner, assert_not_within, assert_wi
 from tests.passes.reference.structs import INTERLEAVED, record
 
 STEM = "passes/gather/interleaved"
+SHADER = Path(__file__).resolve().parents[3] / "shaders" / f"{STEM}.wgsl"
 MOST_APART = 0.2
 PATTERNS = 3
 Array = NDArray[np.float64]
@@ -117,8 +119,18 @@ def irradiance(s: Scene, level: int) -> tuple[Array, Array, NDArray[np.bool_]]:
     return (terms * share) @ s.radiance, loss, clear
 
 
-def gather(runner: Runner, s: Scene, level: int, before: NDArray[np.float32]) -> NDArray[np.float32]:
-    """What the pass makes of the irradiance of all nodes."""
+def gather(
+    runner: Runner, s: Scene, level: int, before: NDArray[np.float32], grid: tuple[int, int] | None = None
+) -> NDArray[np.float32]:
+    """What the pass makes of the irradiance of all nodes.
+
+    `grid`: columns and rows of strata whose middles the samples are; where they are is not looked up then.
+    """
+    more: dict[str, Any] = {}
+    if grid is not None:
+        assert isinstance(s.light, Area)
+        along = [edge / count for edge, count in zip((s.light.u, s.light.v), grid, strict=True)]
+        more = {"corner": s.light.corner, "step_u": along[0], "step_v": along[1], "row": grid[0] // 2}
     first, count = s.tree.levels[level]
     spot = isinstance(s.light, Spot)
     params = record(
@@ -130,18 +142,25 @@ def gather(runner: Runner, s: Scene, level: int, before: NDArray[np.float32]) ->
         normal=s.light.axis if isinstance(s.light, Spot) else s.light.normal,
         cos_cutoff=s.light.cos_cutoff if isinstance(s.light, Spot) else -2,
         two_sided=spot or s.light.two_sided,
-        row=1,
+        **{"row": 1, **more},
     )
+    text = (
+        None
+        if grid is None
+        else SHADER.read_text().replace("override GRID: bool = false", "const GRID = true")
+    )
+    points = np.full_like(s.points, 9) if grid else s.points
     out = runner(
         STEM,
         count,
+        text=text,
         params=params,
         pyramid=pyramid_record(s.tree.view, s.tree.coarsest, s.tree.finest, level),
         node_rows=s.tree.rows(),
         node_at=s.tree.at_words(),
         node_receivers=s.receivers,
         node_bits=np.zeros((2, 1), np.uint32) if s.bits is None else s.bits.words(),
-        light_points=np.pad(s.points, ((0, 0), (0, 0), (0, 1))).astype(np.float32),
+        light_points=np.pad(points, ((0, 0), (0, 0), (0, 1))).astype(np.float32),
         light_radiance=np.pad(s.radiance, ((0, 0), (0, 1))).astype(np.float32),
         node_irradiance=before,
     )
@@ -172,6 +191,30 @@ def test_irradiance_agrees_with_the_loops(
         lit = max(lit, (expected.sum(axis=1) > 0).mean())
         assert_not_within(added[clear], expected[clear] * 1.001 + 1e-5, bound[clear])
     assert lit > 0.1, "some nodes are lit"
+
+
+@pytest.mark.parametrize("kind", ["one-sided", "two-sided"])
+@pytest.mark.parametrize("grid", [(8, 8), (4, 10), (16, 16)])
+def test_middles_of_strata_need_no_table(
+    runner: Runner, rng: np.random.Generator, kind: str, grid: tuple[int, int]
+) -> None:
+    """Samples of one pattern, in the middle of their strata, are where the light's edges say."""
+    s = _scene(rng, grid[0] * grid[1] // 4, 4, kind)
+    assert isinstance(s.light, Area)
+    rows, columns = np.divmod(np.arange(s.strata), grid[0] // 2)
+    cells = [(2 * columns + set_ % 2, 2 * rows + set_ // 2) for set_ in range(4)]
+    middles = np.concatenate([np.stack([(x + 0.5) / grid[0], (y + 0.5) / grid[1]], -1) for x, y in cells])
+    s.points = s.light.point(np.broadcast_to(middles, (PATTERNS, *middles.shape)))
+    for level in range(3, -1, -1):
+        first, count = s.tree.levels[level]
+        before = np.zeros((s.tree.end, 4), np.float32)
+        found = gather(runner, s, level, before, grid)[first : first + count, :3]
+        expected, bound, clear = irradiance(s, level)
+        assert_within(found[clear], expected[clear], bound[clear], f"irradiance of level {level}")
+        assert_not_within(found[clear], expected[clear] * 1.001 + 1e-5, bound[clear])
+        s.points, kept = s.points[:, ::-1], s.points
+        assert_not_within(found[clear], irradiance(s, level)[0][clear], bound[clear])
+        s.points = kept
 
 
 def test_what_is_shared_matters(runner: Runner, rng: np.random.Generator) -> None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import itertools
+from collections.abc import Iterator
 from typing import Any
 
 import numpy as np
@@ -15,8 +16,14 @@ from .structs import VOXELS, record
 Array = NDArray[np.float64]
 Bits = NDArray[np.bool_]
 
-THICK, LEAVE = 1.0, 2.0
-"""Slices that a step looks ahead, and voxels within which a ray may leave what it starts in."""
+LEAVE = 2.0
+"""Voxels within which a ray may leave what it starts in."""
+THICK, THICKEST = 0.5, 1.0
+"""Slices that a step looks ahead, for each cell that it leaves out, and at most."""
+DEEP = 4.0
+"""Slices that a step looks through at most, where there are steps enough."""
+BLOCK, RING = 4, 4
+"""Cells along an edge of a block, and around it."""
 
 
 @dataclasses.dataclass
@@ -112,6 +119,22 @@ def pack_bits(filled: Bits) -> NDArray[np.uint32]:
     return np.packbits(filled.reshape(-1), bitorder="little").view(np.uint32)
 
 
+def blocks_of(filled: Bits) -> Bits:
+    """(rows, columns, slices) of blocks: whether any cell of one or of the ring around it is filled."""
+    rows, columns, slices = filled.shape
+    counts = -(-rows // BLOCK), -(-columns // BLOCK)
+    found = np.zeros((*counts, slices), bool)
+    for r, c in itertools.product(*map(range, counts)):
+        lo, hi = (max(BLOCK * r - RING, 0), max(BLOCK * c - RING, 0)), BLOCK + RING
+        found[r, c] = filled[lo[0] : BLOCK * r + hi, lo[1] : BLOCK * c + hi].any(axis=(0, 1))
+    return found
+
+
+def packed_grid(filled: Bits) -> NDArray[np.uint32]:
+    """Words of the cells, and behind them those of the blocks."""
+    return np.concatenate([pack_bits(filled), pack_bits(blocks_of(filled))])
+
+
 def fill(grid: Grid, triangles: Array, slack: float) -> Bits:
     """Voxels of triangles (n, 3, 3): in cells whose middle one covers, the slices of its plane.
 
@@ -194,11 +217,15 @@ def segments(grid: Grid, origin: Array, n: Array, point: Array, m: Array) -> Seg
     return Segments(start, along, np.stack([low, high], -1), np.stack(ends, 1))
 
 
-def _above(grid: Grid, planes: Array, q: Array, z0: float, z1: float) -> tuple[float, float]:
-    """The part of z0..z1 along the eye ray through q that lies above both surfaces."""
+def _above(grid: Grid, planes: Array, ray: Array, z0: float, z1: float) -> tuple[float, float]:
+    """The part of z0..z1 along an eye ray, of depth 1, that lies above both surfaces.
+
+    By a voxel's width in the middle of z0..z1.
+    """
+    middle = 0.5 * (z0 + z1) * ray
     for plane in planes:
-        slope = plane[:3] @ q / q[2]
-        level = plane[3] + grid.bias * float(grid.width(q, plane[:3]))
+        slope = plane[:3] @ ray
+        level = plane[3] + grid.bias * float(grid.width(middle, plane[:3]))
         if slope > 0:
             z0 = max(z0, level / slope)
         elif slope < 0:
@@ -206,8 +233,8 @@ def _above(grid: Grid, planes: Array, q: Array, z0: float, z1: float) -> tuple[f
     return z0, z1
 
 
-def _full(grid: Grid, filled: Bits, q: Array, z0: float, z1: float) -> bool:
-    c, r = np.clip(np.floor(grid.place(q)), 0, (grid.columns - 1, grid.rows - 1)).astype(int)
+def _full(grid: Grid, filled: Bits, place: Array, z0: float, z1: float) -> bool:
+    c, r = np.clip(np.floor(place), 0, (grid.columns - 1, grid.rows - 1)).astype(int)
     first, last = grid.slice_of(np.array([z0, z1]))
     return bool(filled[r, c, first : last + 1].any())
 
@@ -220,25 +247,56 @@ def meets(grid: Grid, filled: Bits, s: Segments, dda: bool) -> Bits:
             continue
         far = float(np.linalg.norm(along))
         leave = LEAVE * float(grid.width(start, along / far)) / far
-        cuts = (
-            _crossings(grid, start, along, low, high, leave)
-            if dda
-            else np.linspace(low, high, grid.steps + 1)
-        )
-        thick = 0.0 if dda else np.copysign(THICK, along[2]) / grid.per_depth
+        if dda:
+            looks = _each_voxel(grid, start, along, low, high, leave)
+        else:
+            looks = _equal_steps(grid, start, along, low, high, s.planes[i])
         leaving = True
-        for a, b in itertools.pairwise(cuts):
-            middle = 0.5 * (a + b)
-            at, q = a if dda else middle, start + middle * along
-            z0, z1 = sorted((start[2] + a * along[2], start[2] + b * along[2] + thick))
-            if not dda:
-                z0, z1 = _above(grid, s.planes[i], q, z0, z1)
-            if z0 > z1 or not _full(grid, filled, q, z0, z1):
+        for at, place, z0, z1 in looks:
+            if z0 > z1 or not _full(grid, filled, place, z0, z1):
                 leaving = False
-            elif not leaving or at >= leave:
+            elif not leaving or (at >= leave if dda else at > leave):
                 answers[i] = True
                 break
     return answers
+
+
+Look = tuple[float, Array, float, float]
+"""Where on the segment, which place of the grid, and from which depth to which."""
+
+
+def _each_voxel(
+    grid: Grid, start: Array, along: Array, low: float, high: float, leave: float
+) -> Iterator[Look]:
+    for a, b in itertools.pairwise(_crossings(grid, start, along, low, high, leave)):
+        z0, z1 = sorted((float(start[2] + a * along[2]), float(start[2] + b * along[2])))
+        yield a, grid.place(start + 0.5 * (a + b) * along), z0, z1
+
+
+def _equal_steps(
+    grid: Grid, start: Array, along: Array, low: float, high: float, planes: Array
+) -> Iterator[Look]:
+    """Steps that are equal on the image, where 1 / depth is linear."""
+    ends = np.stack([start + low * along, start + high * along])
+    places, near = grid.place(ends), 1 / ends[:, 2]
+    cells = float(np.abs(places[1] - places[0]).max())
+    wanted = max(cells, abs(ends[1, 2] - ends[0, 2]) * grid.per_depth / DEEP)
+    steps = int(np.clip(np.ceil(wanted), 1, grid.steps))
+    thick = np.clip(THICK * (cells / steps - 1), 0, THICKEST) / grid.per_depth
+    rays = ends * near[:, None]
+    for k in range(steps):
+        middle = (k + 0.5) / steps
+        z0, z1 = sorted(
+            float(1 / (near[0] + share * (near[1] - near[0]))) for share in (k / steps, (k + 1) / steps)
+        )
+        if along[2] > 0:
+            z1 += thick
+        else:
+            z0 -= thick
+        z0, z1 = _above(grid, planes, rays[0] + middle * (rays[1] - rays[0]), z0, z1)
+        # the middle on the image, as a share of the segment
+        at = middle * near[1] / (middle * near[1] + (1 - middle) * near[0])
+        yield low + at * (high - low), places[0] + middle * (places[1] - places[0]), z0, z1
 
 
 def _crossings(grid: Grid, start: Array, along: Array, low: float, high: float, leave: float) -> Array:

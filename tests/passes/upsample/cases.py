@@ -71,21 +71,32 @@ class Steps:
         self.runner, self.stem, self.case = runner, f"passes/upsample/{stem}", case
         self.illumination = np.full((len(case.texels.count), 4), 9, np.float32)
 
-    def level(self, entry: str, level: int, *names: str) -> None:
+    def guide(self) -> None:
+        """What texels from level 1 on are asked."""
+        self.guides = np.full((2 * len(self.case.texels.count), 4), 9, np.float32)
+        above = sum(count for *_, count in self.case.levels[1 : self.case.coarsest + 1])
+        if above:
+            given = bindings(self.case, "view", "means")
+            out = self.runner(self.stem, above, entry="guide", guides=self.guides, **given)
+            self.guides = read(out, "guides", np.float32, -1, 4)
+
+    def level(self, entry: str, level: int, *names: str, **more: NDArray[Any]) -> None:
         """One level of `illumination`."""
         count = self.case.levels[level][3]
         given = bindings(self.case, *names, level=level)
-        out = self.runner(self.stem, count, entry=entry, illumination=self.illumination, **given)
+        out = self.runner(self.stem, count, entry=entry, illumination=self.illumination, **given, **more)
         self.illumination = read(out, "illumination", np.float32, -1, 4)
 
-    def pixels(self, entry: str, *names: str, levels: bool = True) -> NDArray[np.float32]:
+    def pixels(
+        self, entry: str, *names: str, levels: bool = True, **more: NDArray[Any]
+    ) -> NDArray[np.float32]:
         """The image, (n, 3)."""
         count = len(self.case.g.kind)
         given = bindings(self.case, *names)
         if levels:
             given["illumination"] = self.illumination
         before = np.full((count, 4), 9, np.float32)
-        out = self.runner(self.stem, count, entry=entry, direct_irradiance=before, **given)
+        out = self.runner(self.stem, count, entry=entry, direct_irradiance=before, **given, **more)
         return read(out, "direct_irradiance", np.float32, count, 4)[:, :3]
 
 
@@ -101,9 +112,10 @@ def run(runner: Runner, stem: str, case: Case) -> NDArray[np.float32]:
         for level in range(case.coarsest - 1, 0, -1):
             steps.level("push", level)
         return steps.pixels("pixels", *own, "level_map")
+    steps.guide()
     for level in range(case.coarsest, 0, -1):
-        steps.level("level", level, *own, "means", "view")
-    return steps.pixels("pixels", *own, "means", "view", "g_position", "g_normal", "g_geometric")
+        steps.level("level", level, *own, "means", guides=steps.guides)
+    return steps.pixels("pixels", *own, "g_position", "g_normal", "g_geometric", guides=steps.guides)
 
 
 def constant(case: Case, value: float) -> Array:

@@ -11,7 +11,16 @@ from numpy.typing import NDArray
 
 from tests.passes.reference.run import Runner, read
 from tests.passes.reference.structs import MISS, RECEIVER, SHADOW, record
-from tests.passes.reference.voxels import Bits, Grid, meets, pack_bits, random_grid, segments
+from tests.passes.reference.voxels import (
+    Bits,
+    Grid,
+    blocks_of,
+    meets,
+    pack_bits,
+    packed_grid,
+    random_grid,
+    segments,
+)
 
 KINDS = [{}, {"two_sided": True}, {"two_sided": True, "cos_cutoff": 0.5}]
 
@@ -54,7 +63,13 @@ def _case(rng: np.random.Generator, strata: int, count: int = 97, density: float
     return Case(grid, filled, receivers, points, strata, _unit(rng).astype(np.float32), **more)
 
 
-def _run(runner: Runner, case: Case, dda: bool, asked: Bits | None = None) -> Bits:
+def _run(
+    runner: Runner,
+    case: Case,
+    dda: bool,
+    asked: Bits | None = None,
+    voxel_bits: NDArray[np.uint32] | None = None,
+) -> Bits:
     """Which samples are seen (of those asked), (receivers, strata)."""
     count, words = len(case.receivers), -(-case.strata // 32)
     params = record(
@@ -79,7 +94,7 @@ def _run(runner: Runner, case: Case, dda: bool, asked: Bits | None = None) -> Bi
         entry=("main" if asked is None else "asked") + ("_dda" if dda else ""),
         params=params,
         voxels=case.grid.packed(),
-        voxel_bits=pack_bits(case.filled),
+        voxel_bits=packed_grid(case.filled) if voxel_bits is None else voxel_bits,
         receivers=case.receivers,
         points=case.points,
         visibility=before,
@@ -175,6 +190,26 @@ def test_each_rule_counts(runner: Runner, rng: np.random.Generator, dda: bool) -
     if not dda:
         more = dataclasses.replace(case, grid=dataclasses.replace(case.grid, steps=40))
         assert (bits != _run(runner, more, dda)).any()
+
+
+def test_empty_blocks_are_passed(runner: Runner, rng: np.random.Generator) -> None:
+    """In a wide grid with little in it the answers are those of all steps, whatever blocks save."""
+    case = _case(rng, 40)
+    wide = random_grid(rng, 96, 68, 2)
+    wide.steps, wide.scale, wide.eye, wide.axes = 80, 4 * case.grid.scale, case.grid.eye, case.grid.axes
+    filled = rng.uniform(size=(wide.rows, wide.columns, wide.slices)) < 0.0008
+    case = dataclasses.replace(case, grid=wide, filled=filled)
+    assert 0.02 < blocks_of(filled).mean() < 0.5
+    found = _run(runner, case, False)
+    hidden, facing, doubtful = _reference(case, False)
+    assert (found == (facing & ~hidden))[~doubtful].all()
+    assert hidden.sum() > 20
+    everywhere = packed_grid(filled)
+    everywhere[pack_bits(filled).size :] = 0xFFFFFFFF
+    assert (_run(runner, case, False, voxel_bits=everywhere) == found).all(), "blocks only save time"
+    # Negative control: without blocks nothing is found.
+    everywhere[pack_bits(filled).size :] = 0
+    assert (_run(runner, case, False, voxel_bits=everywhere) == facing)[~doubtful].all()
 
 
 @pytest.mark.parametrize("dda", [False, True])
