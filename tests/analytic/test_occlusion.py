@@ -176,7 +176,7 @@ def test_plans_name_what_runs(adapter: str, how: dict[str, Any], estimator: str,
         stats = renderer.render(scene, camera, settings).stats
     assert [name for name in stats.stages if "/" in name] == list(plan.passes)
     own = {name for name in plan.passes if "voxel" in name or "map_" in name}
-    assert len(own) == (2 if how["visibility"] == "voxel" else 3)
+    assert len(own) == 3
     assert "direct/shadow" in plan.skipped
     assert (stats.rays > 32 * 32) == (how["visibility"] == "shadow-map")
 

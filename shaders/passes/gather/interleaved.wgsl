@@ -11,6 +11,7 @@ import package::common::grid::{Grid, item_index};
 import package::common::nodes::{node_at, node_rows};
 import package::common::pyramid::{pyramid, texel_number, texel_of};
 import package::common::ray::Receiver;
+import package::common::seen_shares::{Counts, by_set, counted, counts_at, seen_shares};
 
 // Neighbours that see more or less than this of the light lie across the edge of a shadow.
 const MOST_APART: f32 = 0.2;
@@ -74,40 +75,12 @@ fn neighbour(texel: vec2u, receiver: Receiver, k: u32) -> u32 {
     return select(0u, node, counts);
 }
 
-// How many of the node itself, of those left and right of it, above and below, and in the corners, each of which asked
-// another set, have each bit of a word: bits of these numbers.
-struct Counts {
-    ones: vec4u,
-    twos: vec4u,
-    fours: u32,     // of the corners
-}
-
 fn counts_of(nodes: array<u32, 9>, word: u32, seen: bool) -> Counts {
-    let left = word_of(nodes[3], word, seen);
-    let right = word_of(nodes[5], word, seen);
-    let over = word_of(nodes[1], word, seen);
-    let under = word_of(nodes[7], word, seen);
-    let a = word_of(nodes[0], word, seen);
-    let b = word_of(nodes[2], word, seen);
-    let c = word_of(nodes[6], word, seen);
-    let d = word_of(nodes[8], word, seen);
-    let ones = vec4u(word_of(nodes[4], word, seen), left ^ right, over ^ under, a ^ b ^ c ^ d);
-    let carry = (a ^ b) & (c ^ d);
-    let pairs = vec2u(a & b, c & d);
-    let twos = vec4u(0u, left & right, over & under, pairs.x ^ pairs.y ^ carry);
-    return Counts(ones, twos, pairs.x & pairs.y);
-}
-
-// Those of one bit.
-fn counts_at(c: Counts, bit: u32) -> vec4f {
-    let low = ((c.ones >> vec4u(bit)) & vec4u(1u)) + 2u * ((c.twos >> vec4u(bit)) & vec4u(1u));
-    return vec4f(low + vec4u(0u, 0u, 0u, 4u * ((c.fours >> bit) & 1u)));
-}
-
-// Share of a sample of each set that is seen; of a set that nobody asked, the mean of the others.
-fn seen_shares(known: vec4f, seen: vec4f) -> vec4f {
-    let mean = dot(seen, vec4f(1.0)) / max(dot(known, vec4f(1.0)), 1.0);
-    return select(vec4f(mean), seen / max(known, vec4f(1.0)), known > vec4f(0.0));
+    var words: array<u32, 9>;
+    for (var k = 0u; k < 9u; k++) {
+        words[k] = word_of(nodes[k], word, seen);
+    }
+    return counted(words);
 }
 
 // What a sample at `point` adds when it is seen.
@@ -196,12 +169,6 @@ fn samples_of(at: Receiver, s: Seen, first: u32, j: u32, place: vec2f, shares: v
         sum += shares.w * sample_of(at, s, first, j, place, 3u);
     }
     return sum;
-}
-
-// From the own set and those of the neighbours beside, above and in the corners to sets 0, 1, 2, 3.
-fn by_set(shares: vec4f, own: u32) -> vec4f {
-    let columns = select(shares, shares.yxwz, (own & 1u) != 0u);
-    return select(columns, columns.zwxy, (own & 2u) != 0u);
 }
 
 @compute @workgroup_size(64)

@@ -7,7 +7,8 @@
 
 import package::common::gbuffer::SURFACE;
 import package::common::grid::{Grid, item_index};
-import package::common::light_sums::{LEAST_SHARE, light_sums, mean_about, sum_at};
+import package::common::light_strip::{Strip, strip_of, strip_to};
+import package::common::light_sums::light_sums;
 import package::common::lobe::instance_lobes;
 import package::common::lobe_patch::{Glossy, Half, Patch, glossy_at, half_of, integrand, patch_of, place, source};
 import package::common::view::View;
@@ -51,38 +52,22 @@ fn plain_quarter(at: Glossy, u: Half, v: Half) -> f32 {
     return sum;
 }
 
-// With one: the sums of a row of corners serve the rectangles above it and below.
+// With one: nodes of a row take the picture's means from a strip of it.
 fn picture_quarter(at: Glossy, u: Half, v: Half) -> vec3f {
     let size = vec2u(source.columns, source.rows);
-    let texels = vec2f(size);
-    var columns: array<f32, 11>;
-    var before: array<vec3f, 11>;
-    let first = place(v, 0.0).x * texels.y;
-    for (var i = 0u; i <= MANY; i++) {
-        columns[i] = clamp(place(u, BORDER[i]).x * texels.x, 0.0, texels.x);
-        before[i] = sum_at(size, vec2f(columns[i], first));
-    }
-    var row = first;
+    let way = sign(u.scale);
+    var row = clamp(place(v, 0.0).x, 0.0, 1.0);
     var sum = vec3f(0.0);
     for (var j = 0u; j < MANY; j++) {
         let y = place(v, NODE[FEW + j]);
-        let next = clamp(place(v, BORDER[j + 1u]).x * texels.y, 0.0, texels.y);
-        var corner = sum_at(size, vec2f(columns[0], next));
+        let next = clamp(place(v, BORDER[j + 1u]).x, 0.0, 1.0);
+        var mean = strip_of(size, vec2f(min(row, next), max(row, next)), u.from_, way);
         for (var i = 0u; i < MANY; i++) {
             let x = place(u, NODE[FEW + i]);
             let weight = WEIGHT[FEW + i] * WEIGHT[FEW + j] * x.y * y.y * integrand(at, vec2f(x.x, y.x));
-            let beside = sum_at(size, vec2f(columns[i + 1u], next));
-            let area = (columns[i + 1u] - columns[i]) * (next - row);
-            let whole = beside - corner - before[i + 1u] + before[i];
-            var radiance = max(source.radiance + whole / area, vec3f(0.0));
-            if abs(area) < LEAST_SHARE * texels.x * texels.y {
-                radiance = mean_about(size, source.radiance, vec2f(x.x, y.x) * texels);
-            }
-            sum += weight * radiance;
-            before[i] = corner;
-            corner = beside;
+            mean = strip_to(mean, size, place(u, BORDER[i + 1u]).x);
+            sum += weight * max(source.radiance + mean.whole, vec3f(0.0));
         }
-        before[MANY] = corner;
         row = next;
     }
     return sum;

@@ -9,7 +9,8 @@
 import package::common::gbuffer::floats;
 import package::common::light_frame::{DARK, LIT};
 import package::common::grid::{Grid, item_index};
-import package::common::light_sums::{LEAST_SHARE, light_sums, mean_about, sum_at};
+import package::common::light_strip::{Strip, strip_of, strip_to};
+import package::common::light_sums::light_sums;
 import package::common::lobe_patch::{along, axis_of, glossy_at, integrand, patch_of, source};
 import package::common::random::random4;
 import package::common::ray::{Ray, inactive_ray};
@@ -106,15 +107,10 @@ fn main(
     let step = 1.0 / f32(side);
     let seed = random4(vec4u(at, source.light, 0u, source.seed ^ 0x9e3779b9u)).xy;
     let size = vec2u(source.columns, source.rows);
-    let texels = vec2f(size);
-    let rows = clamp(vec2f(along(up, f32(line) * step).x, along(up, f32(line + 1u) * step).x), vec2f(0.0), vec2f(1.0)) * texels.y;
-    var column = 0.0;
-    var below = vec3f(0.0);
-    var above = vec3f(0.0);
+    let rows = vec2f(along(up, f32(line) * step).x, along(up, f32(line + 1u) * step).x);
+    var mean: Strip;
     if PICTURE {
-        column = clamp(along(across, 0.0).x, 0.0, 1.0) * texels.x;
-        below = sum_at(size, vec2f(column, rows.x));
-        above = sum_at(size, vec2f(column, rows.y));
+        mean = strip_of(size, rows, along(across, 0.0).x, 1.0);
     }
     for (var i = 0u; i < side; i++) {
         let jitter = jitter_of(seed, line * side + i);
@@ -122,19 +118,8 @@ fn main(
         let y = along(up, (f32(line) + jitter.y) * step);
         var weight = vec3f(step * step * x.y * y.y * integrand(point, vec2f(x.x, y.x)));
         if PICTURE {
-            let next = clamp(along(across, f32(i + 1u) * step).x, 0.0, 1.0) * texels.x;
-            let next_below = sum_at(size, vec2f(next, rows.x));
-            let next_above = sum_at(size, vec2f(next, rows.y));
-            let area = (next - column) * (rows.y - rows.x);
-            let whole = next_above - above - next_below + below;
-            var radiance = max(source.radiance + whole / area, vec3f(0.0));
-            if area < LEAST_SHARE * texels.x * texels.y {
-                radiance = mean_about(size, source.radiance, vec2f(x.x, y.x) * texels);
-            }
-            weight *= radiance;
-            column = next;
-            below = next_below;
-            above = next_above;
+            mean = strip_to(mean, size, along(across, f32(i + 1u) * step).x);
+            weight *= max(source.radiance + mean.whole, vec3f(0.0));
         }
         let chosen = source.corner + x.x * source.edge_u + y.x * source.edge_v;
         var ray = inactive_ray();
