@@ -1,0 +1,130 @@
+"""Every preset with every kind of light and material renders or says why not, and runs what is needed."""
+
+from __future__ import annotations
+
+import itertools
+
+import numpy as np
+import pytest
+import trimesh
+from numpy.typing import NDArray
+
+import miplight as ml
+
+CAMERA = ml.Camera.look_at((0, 2.2, 3.2), (0, 0.3, 0), fov_y=50, width=33, height=26)
+CORNER, U, V = (-0.6, 2, -0.4), (1.2, 0, 0), (0, 0, 0.8)
+
+
+def _picture() -> NDArray[np.float32]:
+    picture = np.full((6, 5, 3), 0.5, np.float32)
+    picture[1, 3] = (40, 20, 10)
+    return picture
+
+
+def _area(radiance: object = (5.0, 3.0, 1.0), **more: object) -> ml.AreaLight:
+    return ml.AreaLight(CORNER, U, V, radiance, **more)  # type: ignore[arg-type]
+
+
+LIGHTS: dict[str, list[ml.AreaLight | ml.SpotLight]] = {
+    "none": [],
+    "area": [_area()],
+    "hidden": [_area(visible=False)],
+    "two-sided": [_area(two_sided=True)],
+    "picture": [_area(_picture())],
+    "smooth picture": [_area(_picture(), filter="linear")],
+    "spot": [ml.SpotLight((1, 2, 1), (0, 0, 0), (9, 8, 7), cutoff=30)],
+    "all": [_area(_picture()), _area(two_sided=True), ml.SpotLight((1, 2, 1), (0, 0, 0), (9, 8, 7))],
+}
+MATERIALS = {
+    "diffuse": ml.Material((0.6, 0.5, 0.4)),
+    "black": ml.Material((0, 0, 0)),
+    "glossy": ml.Material((0.3, 0.3, 0.3), specular=(0.5, 0.5, 0.5), shininess=40),
+    "flat lobe": ml.Material((0.3, 0.3, 0.3), specular=(0.5, 0.5, 0.5), shininess=0),
+    "nearly a mirror": ml.Material((0, 0, 0), specular=(1, 1, 1), shininess=10_000),
+}
+LOBES = ("lobe", "specular")
+PRESETS = sorted(name for name, preset in ml.presets().items() if preset is not None)
+
+
+def _scene(lights: list[ml.AreaLight | ml.SpotLight], material: ml.Material) -> ml.Scene:
+    scene = ml.Scene()
+    scene.add_mesh(trimesh.creation.box((4, 0.1, 4)), name="floor", shading="flat", material=material)
+    ball = trimesh.creation.icosphere(2, 0.4)
+    scene.add_mesh(
+        ball,
+        name="ball",
+        transform=trimesh.transformations.translation_matrix((0, 0.6, 0)),
+        material=material,
+    )
+    for light in lights:
+        scene.add_light(light)
+    return scene
+
+
+@pytest.mark.parametrize("preset", PRESETS)
+@pytest.mark.parametrize("visibility", ["ray", "voxel", "shadow-map", "none"])
+@pytest.mark.parametrize("light", LIGHTS)
+def test_the_matrix(renderer: ml.Renderer, preset: str, visibility: str, light: str) -> None:
+    settings = ml.Settings.preset(preset).replace(visibility=visibility, light_samples=16)
+    refused = preset == "default" and visibility in ("voxel", "shadow-map")
+    for material in MATERIALS:
+        scene = _scene(LIGHTS[light], MATERIALS[material])
+        if refused:
+            with pytest.raises(ml.SettingsError, match="allowed: visibility"):
+                renderer.render(scene, CAMERA, settings)
+            continue
+        frame = renderer.render(scene, CAMERA, settings)
+        assert np.isfinite(frame.image).all(), material
+        assert (frame.image >= 0).all(), material
+        lit = light != "none" and material != "black"
+        lit &= (light, material) != ("spot", "nearly a mirror")  # a point's reflection lies between pixels
+        assert frame.direct[frame.surface_mask].any() == lit, material
+        glossy = "specular" in repr(MATERIALS[material]) and light != "none"
+        ran = [stage for stage in frame.stats.stages if any(word in stage for word in LOBES)]
+        assert bool(ran) == glossy, (material, ran)
+        assert (renderer.render(scene, CAMERA, settings).image == frame.image).all(), material
+
+
+PAPERS = ["splatting-2009", "radiosity-2009", "hierarchical-2009", "area-2010", "area-2016"]
+
+
+@pytest.mark.parametrize("name", [name for name in PAPERS if name not in PRESETS])
+def test_a_preset_that_is_not_there_says_so(name: str) -> None:
+    with pytest.raises(ml.MiplightError, match=name):
+        ml.Settings.preset(name)
+
+
+@pytest.mark.parametrize("preset", PRESETS)
+def test_the_plan_says_what_is_left_out(renderer: ml.Renderer, preset: str) -> None:
+    plain = renderer.plan(_scene(LIGHTS["area"], MATERIALS["diffuse"]), CAMERA, preset)
+    lobes = {name: why for name, why in plain.skipped.items() if any(word in name for word in LOBES)}
+    assert lobes
+    assert set(lobes.values()) == {"no material has a specular part"}
+    assert not [name for name in plain.passes if any(word in name for word in LOBES)]
+    glossy = renderer.plan(_scene(LIGHTS["area"], MATERIALS["glossy"]), CAMERA, preset)
+    assert [name for name in glossy.passes if any(word in name for word in LOBES)], "negative control"
+    unlit = renderer.plan(_scene([], MATERIALS["glossy"]), CAMERA, preset)
+    assert not [name for name in unlit.passes if name.startswith("direct/")]
+
+
+def test_a_picture_is_bound_only_where_one_is_shown(renderer: ml.Renderer) -> None:
+    plans = {
+        light: renderer.plan(_scene(LIGHTS[light], MATERIALS["diffuse"]), CAMERA)
+        for light in ("area", "picture")
+    }
+    assert plans["area"].skipped["direct/textured_share"] == "no light emits a picture"
+    assert "direct/textured_share" in plans["picture"].passes
+
+
+@pytest.mark.parametrize("preset", PRESETS)
+def test_a_film_is_an_upload(renderer: ml.Renderer, preset: str) -> None:
+    """A new frame of video makes no pipeline, tree or geometry again, and shows."""
+    scene = _scene(LIGHTS["picture"], MATERIALS["glossy"])
+    light = next(iter(scene.lights))
+    frames = [renderer.render(scene, CAMERA, preset)]
+    for step in range(1, 4):
+        scene.lights[light].radiance = np.roll(_picture(), step, axis=1)
+        frames.append(renderer.render(scene, CAMERA, preset))
+        assert set(frames[-1].stats.rebuilt) <= {"lights"}
+    for one, other in itertools.pairwise(frames):
+        assert (one.image != other.image).any()
