@@ -220,7 +220,7 @@ def _sweep(
             brute = Settings.preset("brute-force").replace(light_samples=settings.light_samples)
             wanted = used.render(scene, camera, brute, outputs=("direct",)).direct
         else:
-            wanted = np.asarray(getattr(reference, "mean", reference))
+            wanted = reference if isinstance(reference, np.ndarray) else reference.mean
         for change in changes:
             frame, ms = _timed(used, scene, camera, settings.replace(**change), repeats)
             mask = frame.surface_mask

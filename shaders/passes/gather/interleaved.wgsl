@@ -1,8 +1,9 @@
 // Irradiance of one light at each node, from the samples that it and its neighbours see:
 //   E += sum_k v_k L_k A/N cos_s cos_l / d^2   [NPW10 Eq. 2; Deviation: N samples, radiance L, A(y_k) = A/N]
 // Interleaved sampling [KH01; NPW10 Sec. 3.3.2]: a node asked one of four sets of samples; v_k of the others is what the
-// neighbours found that asked them, so that all sets count alike. Deviation: geometry and radiance of every sample are those of
-// the node itself, so that only visibility is shared, and on one surface.
+// neighbours found that asked them, so that all sets count alike. Deviations: geometry and radiance of every sample are those
+// of the node itself, so that only visibility is shared, and on one surface; and above pixels a node that sees all or nothing
+// of its own set shares nothing, because its neighbours would light an umbra.
 // In: nodes and their bits, sample points and their radiance times area. In and out: node_irradiance.
 // Nodes that lie across an edge are lit, too: as guides for their neighbours, never shown.
 
@@ -188,12 +189,13 @@ fn main(
     let texel = texel_of(size, row.x - size.z);
     let mine = faced_and_seen(node + 1u);
     var all = vec2f(f32(params.strata), mine.y);
+    let doubtful = pyramid.level == 0u || (mine.y > 0.0 && mine.y < mine.x);
     var nodes: array<u32, 9>;
     for (var k = 0u; k < 9u; k++) {
         if k != 4u && params.classes > 1u {
             let other = neighbour(texel, receiver, k);
             let both = faced_and_seen(other);
-            let counts = other != 0u && abs(seen_of(both) - seen_of(mine)) < MOST_APART;
+            let counts = doubtful && other != 0u && abs(seen_of(both) - seen_of(mine)) < MOST_APART;
             nodes[k] = select(0u, other, counts);
             all += select(vec2f(0.0), vec2f(f32(params.strata), both.y), counts);
         }

@@ -94,7 +94,8 @@ def shares(s: Scene, level: int) -> tuple[Array, NDArray[np.bool_]]:
                 other = tree.at.get((level, row, column))
                 if other is None or not alike(receivers[number], receivers[other]):
                     continue
-                if s.classes == 1 and other != number:
+                own = _seen(s.bits, number)
+                if other != number and (s.classes == 1 or (level > 0 and own in (0, 1))):
                     continue
                 apart = abs(_seen(s.bits, other) - _seen(s.bits, number))
                 clear[i] &= abs(apart - MOST_APART) > 1e-6
