@@ -60,18 +60,6 @@ fn reach(light: Light, p: vec3f, n: vec3f) -> u32 {
     return select(select(LIT, FACES_AWAY, away), LIES_BEHIND, behind);
 }
 
-// What all lights together may do: the best of what each may.
-fn reached(at: u32) -> u32 {
-    let p = floats(g_position[at]);
-    let n = floats(g_geometric[at]);
-    var found = LIES_BEHIND;
-    for (var k = 0u; k < params.lights && (found & LIT) == 0u; k++) {
-        found |= reach(light_at(k), p, n);
-    }
-    // LIT, FACES_AWAY, LIES_BEHIND from the lowest bit on.
-    return found & (~found + 1u);
-}
-
 // A thread for each block of 2 x 2 pixels.
 @compute @workgroup_size(64)
 fn cull(
@@ -84,14 +72,25 @@ fn cull(
         return;
     }
     let first = texel_of(pyramid.levels[1], i);
+    let x = vec4u(2u * first.x) + vec4u(0u, 1u, 0u, 1u);
+    let y = vec4u(2u * first.y) + vec4u(0u, 0u, 1u, 1u);
+    let inside = (x < vec4u(pyramid.levels[0].x)) & (y < vec4u(pyramid.levels[0].y));
+    let at = select(vec4u(0u), y * pyramid.levels[0].x + x, inside);
+    var found: array<u32, 4>;
+    // A light is read once for all four.
+    for (var k = 0u; k < params.lights && (found[0] & found[1] & found[2] & found[3] & LIT) == 0u; k++) {
+        let light = light_at(k);
+        for (var p = 0u; p < 4u; p++) {
+            found[p] |= reach(light, floats(g_position[at[p]]), floats(g_geometric[at[p]]));
+        }
+    }
     var any_of = 0u;
-    for (var k = 0u; k < 4u; k++) {
-        let pixel = 2u * first + vec2u(k & 1u, k >> 1u);
-        let at = pixel.y * pyramid.levels[0].x + pixel.x;
-        if all(pixel < pyramid.levels[0].xy) && g_normal[at].w == SURFACE {
-            let found = reached(at);
-            any_of |= found;
-            atomicOr(&marks[at], found);
+    for (var p = 0u; p < 4u; p++) {
+        if inside[p] && g_normal[at[p]].w == SURFACE {
+            // The best of what each light may do: LIT, FACES_AWAY, LIES_BEHIND from the lowest bit on.
+            let best = (found[p] | LIES_BEHIND) & (~(found[p] | LIES_BEHIND) + 1u);
+            any_of |= best;
+            atomicOr(&marks[at[p]], best);
         }
     }
     if any_of != 0u {

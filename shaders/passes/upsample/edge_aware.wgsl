@@ -60,16 +60,15 @@ fn beside(size: vec4u, texel: vec2u, other: vec2u) -> u32 {
 // At the centre of `texel` of the level below `level`, where the surface through p has these normals.
 fn interpolated(level: u32, texel: vec2u, p: vec3f, normal: vec3f, across: vec3f) -> vec4f {
     let size = pyramid.levels[level];
-    let home = illumination[slot(texel_number(size, texel >> vec2u(1u)))];
+    var home = vec4f(0.0);
     var sum = vec4f(0.0);
     for (var k = 0u; k < 4u; k++) {
         let at = above(texel, size, k, level == 1u);
         var row = slot(texel_number(size, at.texel));
         var light = illumination[row];
-        var own = level;
+        home = select(home, light, all(at.texel == texel >> vec2u(1u)) && at.weight > 0.0);
         if light.w == 0.0 && level > 1u {
-            own = level - 1u;
-            let number = beside(pyramid.levels[own], texel, at.texel);
+            let number = beside(pyramid.levels[level - 1u], texel, at.texel);
             row = slot(number);
             light = own_light(number);
         }
