@@ -3,21 +3,43 @@
 use miplight::gpu::layout::Layout;
 use miplight::host_layout;
 use miplight::passes::gather::interleaved::InterleavedParams;
+use miplight::passes::lobes::lobe_ask::LobeAskParams;
+use miplight::passes::lobes::lobe_gather::LobeGatherParams;
+use miplight::passes::lobes::lobe_levels::LobeLevelsParams;
+use miplight::passes::lobes::lobe_points::LobePointsParams;
+use miplight::passes::lobes::lobe_visible::LobeVisibleParams;
 use miplight::passes::refine::incremental::IncrementalParams;
 use miplight::passes::refine::nodes::NodesParams;
 use miplight::passes::specular::LobeLight;
 use miplight::passes::visibility::reuse::ReuseParams;
 
 /// Twins by their place in the shaders.
-pub fn twins() -> Vec<(Layout, &'static str, &'static str)> {
+pub(crate) fn twins() -> Vec<(Layout, &'static str, &'static str)> {
     let nodes = host_layout!(NodesParams { base, parents, patterns, classes, seed, pad0, pad1, pad2 });
     let incremental = host_layout!(IncrementalParams { first, count, words, least_bits, threshold, pad0, pad1, pad2 });
-    vec![
+    let mut all = lobes();
+    all.extend(vec![
         (nodes, "passes/refine/nodes", "NodesParams"),
         (reuse(), "passes/visibility/reuse", "ReuseParams"),
         (interleaved(), "passes/gather/interleaved", "InterleavedParams"),
         (incremental, "passes/refine/incremental", "IncrementalParams"),
+    ]);
+    all
+}
+
+fn lobes() -> Vec<(Layout, &'static str, &'static str)> {
+    let ask = host_layout!(LobeAskParams { first, strata, words, pad });
+    let gather = host_layout!(LobeGatherParams { first, strata, words, two_sided, normal, places });
+    let levels = host_layout!(LobeLevelsParams { lights, texels, threshold, pad });
+    let points = host_layout!(LobePointsParams { patterns, seed, pad0, pad1 });
+    let visible = host_layout!(LobeVisibleParams { first, places, side, pad });
+    vec![
         (lobe_light(), "common/lobe_patch", "LobeLight"),
+        (ask, "passes/lobes/lobe_ask", "LobeAskParams"),
+        (gather, "passes/lobes/lobe_gather", "LobeGatherParams"),
+        (levels, "passes/lobes/lobe_levels", "LobeLevelsParams"),
+        (points, "passes/lobes/lobe_points", "LobePointsParams"),
+        (visible, "passes/lobes/lobe_visible", "LobeVisibleParams"),
     ]
 }
 
