@@ -92,7 +92,7 @@ pub const FRAGMENTS: [&str; 4] =
 /// Passes that choose fragments level by level, by what is seen at coarser ones.
 pub const INCREMENTAL: [&str; 4] = ["direct/nodes", "direct/reuse", "direct/interleaved", "direct/incremental"];
 /// Passes that take the fragments' light to the pixels.
-pub const UPSAMPLE: [&str; 3] = ["direct/nearest", "direct/bilinear", "direct/edge_aware"];
+pub const UPSAMPLE: [&str; 4] = ["direct/nearest", "direct/bilinear", "direct/edge_aware", "direct/rbf"];
 /// Where refinement ends early.
 pub const BILATERAL: &str = "direct/bilateral";
 /// What a picture on a light adds to the exact light of its mean.
@@ -236,7 +236,7 @@ impl Plan {
         self.add(&DIRECT[3..4], direct.or(adaptive).or(by_level).or(no_sum));
         let no_ratio = (!ratio).then_some("direct_estimator is samples");
         self.add(&DIRECT[4..], direct.or(adaptive).or(no_area).or(no_ratio));
-        for (pass, upsample) in UPSAMPLE.into_iter().zip(["nearest", "bilinear", "edge-aware"]) {
+        for (pass, upsample) in UPSAMPLE.into_iter().zip(["nearest", "bilinear", "edge-aware", "rbf"]) {
             let other = (!settings.is("upsample", upsample)).then_some("upsample is another");
             self.add(&[pass], direct.or(pixels).or(other));
         }

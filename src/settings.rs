@@ -119,7 +119,7 @@ pub const SPECS: &[Spec] = &[
     choice(
         "upsample",
         &["nearest", "bilinear", "edge-aware", "rbf"],
-        &["nearest", "bilinear", "edge-aware"],
+        &["nearest", "bilinear", "edge-aware", "rbf"],
         "nearest",
         "From fragments to pixels; with one fragment a pixel there is nothing to interpolate, and with \
          `direct_estimator` ratio only the visible share is, see `penumbra_filter`.",
@@ -283,6 +283,16 @@ pub const SPECS: &[Spec] = &[
             "[NPW10 Sec. 3.3.2]",
         )
     },
+    int("rbf_samples", [1, 4], 3, "Fragments that a pixel takes light from; `upsample` rbf only.", "[KJ16 Sec. 3.1.5]"),
+    choice(
+        "rbf_form",
+        &["interpolating", "paper"],
+        &["interpolating", "paper"],
+        "interpolating",
+        "Radial bases that keep a constant one and stay in the range of their samples, or those of the paper's text, which \
+         do neither; `upsample` rbf only.",
+        "[KJ16 Eqs. 1 to 3]",
+    ),
     threshold(
         "lobe_threshold",
         0.5,

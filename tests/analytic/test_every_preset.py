@@ -128,3 +128,41 @@ def test_a_film_is_an_upload(renderer: ml.Renderer, preset: str) -> None:
         assert set(frames[-1].stats.rebuilt) <= {"lights"}
     for one, other in itertools.pairwise(frames):
         assert (one.image != other.image).any()
+
+
+def _scaled(scale: float, shift: float) -> tuple[ml.Scene, ml.Camera]:
+    """A glossy ball on a floor under a lamp, in other units and another place."""
+
+    def place(*at: float) -> tuple[float, float, float]:
+        x, y, z = (scale * coordinate + shift for coordinate in at)
+        return x, y, z
+
+    def moved(*at: float) -> NDArray[np.float64]:
+        matrix: NDArray[np.float64] = trimesh.transformations.translation_matrix(place(*at))
+        return matrix
+
+    scene = ml.Scene()
+    floor = trimesh.creation.box((4 * scale, 0.1 * scale, 4 * scale))
+    scene.add_mesh(floor, name="floor", shading="flat", transform=moved(0, -0.05, 0))
+    ball = trimesh.creation.icosphere(3, 0.4 * scale)
+    scene.add_mesh(ball, name="ball", transform=moved(0, 0.6, 0), material=MATERIALS["glossy"])
+    scene.add_light(ml.AreaLight(place(*CORNER), (1.2 * scale, 0, 0), (0, 0, 0.8 * scale), (5, 3, 1)))
+    look = ml.Camera.look_at(place(0, 2.2, 3.2), place(0, 0.3, 0), fov_y=50, width=97, height=70)
+    return scene, look
+
+
+@pytest.mark.parametrize("preset", PRESETS)
+@pytest.mark.parametrize("visibility", ["ray", "voxel"])
+def test_units_and_place_do_not_matter(renderer: ml.Renderer, preset: str, visibility: str) -> None:
+    settings = ml.Settings.preset(preset).replace(light_samples=64)
+    if preset != "default":
+        settings = settings.replace(visibility=visibility)
+    wanted = renderer.render(*_scaled(1.0, 0.0), settings).image
+    assert wanted.any()
+    for scale, shift in ((1e-8, 0), (1e-4, 0), (1e4, 0), (1e8, 0), (1, 1000)):
+        found = renderer.render(*_scaled(scale, shift), settings).image
+        assert np.isfinite(found).all()
+        apart = np.abs(found - wanted).mean() / wanted.mean()
+        assert apart < 1e-3, (scale, shift)
+    other = renderer.render(*_scaled(1.0, 0.0), settings.replace(visibility="none")).image
+    assert np.abs(other - wanted).mean() / wanted.mean() > 1e-2, "negative control"

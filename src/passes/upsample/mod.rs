@@ -4,6 +4,7 @@ pub mod bilateral;
 pub mod bilinear;
 pub mod edge_aware;
 pub mod nearest;
+pub mod rbf;
 
 use crate::error::Result;
 use crate::gpu::Buffer;
@@ -38,6 +39,8 @@ pub fn record_into(
 ) -> Result<()> {
     if context.settings.is("upsample", "edge-aware") {
         edge_aware::record(context, gbuffer, fragments, own, irradiance)
+    } else if context.settings.is("upsample", "rbf") {
+        rbf::record(context, gbuffer, fragments, own, irradiance)
     } else if context.settings.is("upsample", "bilinear") {
         bilinear::record(context, fragments, own, irradiance)
     } else {

@@ -208,6 +208,7 @@ REUSE = np.dtype(
         *_fields("pad2"),
     ]
 )
+RBF = np.dtype(_fields("samples", "pad0", "pad1", "pad2"))
 INTERLEAVED = np.dtype(
     [
         *_fields("first", "strata", "words", "classes"),

@@ -11,6 +11,7 @@ use miplight::passes::lobes::lobe_visible::LobeVisibleParams;
 use miplight::passes::refine::incremental::IncrementalParams;
 use miplight::passes::refine::nodes::NodesParams;
 use miplight::passes::specular::LobeLight;
+use miplight::passes::upsample::rbf::RbfParams;
 use miplight::passes::visibility::reuse::ReuseParams;
 
 /// Twins by their place in the shaders.
@@ -18,7 +19,9 @@ pub(crate) fn twins() -> Vec<(Layout, &'static str, &'static str)> {
     let nodes = host_layout!(NodesParams { base, parents, patterns, classes, seed, pad0, pad1, pad2 });
     let incremental = host_layout!(IncrementalParams { first, count, words, least_bits, threshold, pad0, pad1, pad2 });
     let mut all = lobes();
+    let rbf = host_layout!(RbfParams { samples, pad0, pad1, pad2 });
     all.extend(vec![
+        (rbf, "passes/upsample/rbf", "RbfParams"),
         (nodes, "passes/refine/nodes", "NodesParams"),
         (reuse(), "passes/visibility/reuse", "ReuseParams"),
         (interleaved(), "passes/gather/interleaved", "InterleavedParams"),
