@@ -233,13 +233,18 @@ pub const SPECS: &[Spec] = &[
         "How a ray goes through the voxels: in equal steps, each of which looks at several slices, or voxel by voxel.",
         "[NPW10 Sec. 3.3.1]",
     ),
-    int(
-        "voxel_steps",
-        [2, 1024],
-        128,
-        "Steps of a ray through the voxels at most; `voxel_march` uniform only.",
-        "[NPW10]",
-    ),
+    Spec {
+        default: Default::None,
+        nullable: true,
+        ..int(
+            "voxel_steps",
+            [2, 2048],
+            128,
+            "Steps of a ray through the voxels at most; None: 128, or half of `voxel_resolution` where that is more; \
+             `voxel_march` uniform only.",
+            "[NPW10 Sec. 3.3.1]",
+        )
+    },
     Spec {
         unit: "voxels",
         nullable: false,

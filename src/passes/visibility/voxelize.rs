@@ -109,6 +109,14 @@ pub fn check(settings: &Settings, camera: &Camera, most: u64) -> Result<()> {
     )))
 }
 
+/// Steps of a march: none longer than two cells or so, unless the user says how many.
+fn steps(settings: &Settings) -> u32 {
+    match settings.int("voxel_steps") {
+        0 => (settings.int("voxel_resolution") / 2).max(128),
+        steps => steps,
+    }
+}
+
 /// Where the voxels are; depths from `near` to `far`.
 fn place(view: &View, settings: &Settings, [near, far]: [f64; 2]) -> Voxels {
     let (across, margin) = cells(view.width, view.height, settings);
@@ -130,7 +138,7 @@ fn place(view: &View, settings: &Settings, [near, far]: [f64; 2]) -> Voxels {
         far: far as f32,
         slices_per_depth: (f64::from(slices) / (far - near)) as f32,
         bias: settings.float("voxel_bias").unwrap_or(0.0) as f32,
-        steps: settings.int("voxel_steps"),
+        steps: steps(settings),
     }
 }
 
