@@ -117,17 +117,21 @@ def test_a_picture_is_bound_only_where_one_is_shown(renderer: ml.Renderer) -> No
 
 
 @pytest.mark.parametrize("preset", PRESETS)
-def test_a_film_is_an_upload(renderer: ml.Renderer, preset: str) -> None:
-    """A new frame of video makes no pipeline, tree or geometry again, and shows."""
-    scene = _scene(LIGHTS["picture"], MATERIALS["glossy"])
+@pytest.mark.parametrize("material", ["diffuse", "glossy"])
+def test_a_film_is_an_upload(renderer: ml.Renderer, preset: str, material: str) -> None:
+    """A new frame of video makes no pipeline, tree or geometry again, and shows on what it lights."""
+    scene = _scene(LIGHTS["picture"], MATERIALS[material])
     light = next(iter(scene.lights))
-    frames = [renderer.render(scene, CAMERA, preset)]
+    outputs = ("image", "direct", "surface_mask")
+    frames = [renderer.render(scene, CAMERA, preset, outputs)]
     for step in range(1, 4):
         scene.lights[light].radiance = np.roll(_picture(), step, axis=1)
-        frames.append(renderer.render(scene, CAMERA, preset))
+        frames.append(renderer.render(scene, CAMERA, preset, outputs))
         assert set(frames[-1].stats.rebuilt) <= {"lights"}
     for one, other in itertools.pairwise(frames):
         assert (one.image != other.image).any()
+        lit = one.surface_mask
+        assert (one.direct[lit] != other.direct[lit]).any()
 
 
 def _scaled(scale: float, shift: float) -> tuple[ml.Scene, ml.Camera]:

@@ -146,11 +146,11 @@ def check_constant(runner: Runner, rng: np.random.Generator, stem: str) -> None:
     assert_within(found[case.shaded], expected[case.shaded], 1e-6, "irradiance")
 
 
-def step_case(runner: Runner, rng: np.random.Generator) -> tuple[Case, NDArray[np.bool_]]:
-    """Two walls that face the camera, the right one (from column 29) farther off, light 1 and 0."""
+def step_case(runner: Runner, rng: np.random.Generator, column: int = 29) -> tuple[Case, NDArray[np.bool_]]:
+    """Two walls that face the camera, the right one (from `column` on) farther off, light 1 and 0."""
     view = random_view(rng, 64, 32)
     g = plane_gbuffer(view, 0.0)
-    left = np.arange(64 * 32) % 64 < 29
+    left = np.arange(64 * 32) % 64 < column
     eye = view["eye"][0].astype(np.float64)
     g.position[~left] = eye + 1.5 * (g.position[~left] - eye)
     limits = {"depth_threshold": 0.05, "normal_threshold": 0.25, "depth_metric": 3, "normal_metric": 2}
@@ -158,8 +158,8 @@ def step_case(runner: Runner, rng: np.random.Generator) -> tuple[Case, NDArray[n
     numbers = np.arange(64 * 32).reshape(32, 64)
     for level, (columns, rows, first, _) in enumerate(case.levels[:5]):
         for line in range(rows):
-            for column in range(columns):
-                at = case.at[first + line * columns + column]
+            for place in range(columns):
+                at = case.at[first + line * columns + place]
                 if at:
-                    case.light[at - 1] = left[numbers[line << level, column << level]]
+                    case.light[at - 1] = left[numbers[line << level, place << level]]
     return case, left
