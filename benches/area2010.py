@@ -104,6 +104,15 @@ CAREFUL = (
 CARELESS = (ml.Settings.preset("default"), CHEAPER, CHEAPER.replace(finest_level=1))
 
 
+def _measured(
+    renderer: ml.Renderer, scene: ml.Scene, camera: ml.Camera, settings: ml.Settings, wanted: ml.Frame
+) -> tuple[float, float]:
+    """Milliseconds of a frame, and its error."""
+    image = renderer.render(scene, camera, settings, outputs=("image",)).image
+    error = ml.metrics.relative_rmse(image, wanted.image, mask=wanted.surface_mask, trim=0.001)
+    return measure.frames(renderer, scene, camera, settings)["wall_ms"], error
+
+
 def times(renderer: ml.Renderer, options: argparse.Namespace) -> Iterator[Row]:
     """Frames against brute force with as many samples, and the default against the preset at equal error."""
     size = 64 if options.quick else 1024
@@ -112,13 +121,11 @@ def times(renderer: ml.Renderer, options: argparse.Namespace) -> Iterator[Row]:
         exact = BRUTE.replace(light_samples=1024)
         wanted = renderer.render(scene, camera, exact, outputs=("image", "surface_mask"))
 
-        def measured(settings: ml.Settings) -> tuple[float, float]:
-            image = renderer.render(scene, camera, settings, outputs=("image",)).image  # noqa: B023
-            error = ml.metrics.relative_rmse(image, wanted.image, mask=wanted.surface_mask, trim=0.001)  # noqa: B023
-            return measure.frames(renderer, scene, camera, settings)["wall_ms"], error  # noqa: B023
-
         brute_ms = measure.frames(renderer, scene, camera, BRUTE)["wall_ms"]
-        presets, defaults = ([measured(each) for each in all_] for all_ in (CAREFUL, CARELESS))
+        presets, defaults = (
+            [_measured(renderer, scene, camera, each, wanted) for each in all_]
+            for all_ in (CAREFUL, CARELESS)
+        )
         for label, (ms, error) in zip(("voxels", "rays"), presets, strict=False):
             ratio = brute_ms / ms
             yield _row(

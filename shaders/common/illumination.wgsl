@@ -15,6 +15,9 @@ fn own_light(number: u32) -> vec4f {
     return vec4f(select(vec3f(0.0), found.xyz, fragment), select(1.0, 0.0, at == 0u));
 }
 
+// A neighbour's light counts for nothing from this distance to the plane on, over the fragment's width.
+const MOST_OFF: f32 = 0.25;
+
 struct Above {
     texel: vec2u,
     weight: f32,    // 0 outside of the image

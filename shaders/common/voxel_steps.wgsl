@@ -1,7 +1,9 @@
 // A segment through the voxels in steps that are equal on the image, and in larger ones through empty blocks.
 
 import package::common::voxel_march::{Path, Segment, above, path_of, voxel_bits, voxels};
-import package::common::voxels::{BLOCK, RING, Voxels, block_columns, first_block};
+import package::common::voxels::{
+    BLOCK, RING, Voxels, block_columns, cell_at, first_block, slice_at, word_mask,
+};
 
 // The thick ray of [NPW10 Sec. 3.3.1]: slices that are looked at ahead of each step for each cell that it leaves out, and
 // at most. None behind, where the ray has just left a surface.
@@ -31,8 +33,7 @@ fn steps_of_block(stride: f32) -> f32 {
 
 // First word of the cell at a place, or of its block.
 fn words_at(place: vec2f, fine: bool) -> u32 {
-    let last = vec2f(f32(voxels.columns), f32(voxels.rows)) - 1.0;
-    let cell = vec2u(vec2i(clamp(place, vec2f(0.0), last)));
+    let cell = cell_at(voxels, place);
     let block = cell / BLOCK;
     let number = select(first_block(voxels) + block.y * block_columns(voxels) + block.x, cell.y * voxels.columns + cell.x, fine);
     return number * voxels.words;
@@ -48,12 +49,11 @@ fn meets_in_steps(s: Segment) -> bool {
     let group = steps_of_block(stride);
     let thicker = clamp(THICK * (stride - 1.0), 0.0, THICKEST) / voxels.slices_per_depth;
     let thick = select(vec2f(-thicker, 0.0), vec2f(0.0, thicker), s.along.z > 0.0);
-    let deepest = f32(32u * voxels.words - 1u);
     var leaving = true;
     var from_z = 1.0 / p.near;
     var k = 0.0;
     var fine_until = 0.0;
-    var word = 0;
+    var word = 0u;
     var found = false;
     while k < steps && !found {
         let fine = k < fine_until;
@@ -64,15 +64,13 @@ fn meets_in_steps(s: Segment) -> bool {
         let slopes = p.plane + middle * p.turn;
         let z = 0.5 * (whole.x + whole.y);
         let depths = select(whole, above(s.planes[1], slopes.y, z, above(s.planes[0], slopes.x, z, whole)), fine);
-        let slices = vec2i(clamp((depths - voxels.near) * voxels.slices_per_depth, vec2f(0.0), vec2f(deepest)));
-        word = max(word, slices.x >> 5u);
-        let low = u32(max(slices.x - 32 * word, 0));
-        let high = u32(clamp(slices.y - 32 * word, 0, 31));
-        let mask = (0xffffffffu << low) & (0xffffffffu >> (31u - high));
-        let bits = voxel_bits[words_at(p.place + middle * p.step, fine) + u32(word)] & mask;
+        let first = slice_at(voxels, depths.x);
+        let last = max(slice_at(voxels, depths.y), first);
+        word = max(word, first / 32u);
+        let bits = voxel_bits[words_at(p.place + middle * p.step, fine) + word] & word_mask(word, first, last);
         let filled = bits != 0u && depths.x <= depths.y;
-        let more = !filled && 32 * word + 31 < slices.y && depths.x <= depths.y;
-        word = select(0, word + 1, more);
+        let more = !filled && word < last / 32u && depths.x <= depths.y;
+        word = select(0u, word + 1u, more);
         found = filled && fine && (!leaving || middle > p.leave);
         leaving = leaving && (filled || more);
         fine_until = select(fine_until, end, filled && !fine);

@@ -76,12 +76,18 @@ fn cull(
     let y = vec4u(2u * first.y) + vec4u(0u, 0u, 1u, 1u);
     let inside = (x < vec4u(pyramid.levels[0].x)) & (y < vec4u(pyramid.levels[0].y));
     let at = select(vec4u(0u), y * pyramid.levels[0].x + x, inside);
+    var positions: array<vec3f, 4>;
+    var normals: array<vec3f, 4>;
+    for (var p = 0u; p < 4u; p++) {
+        positions[p] = floats(g_position[at[p]]);
+        normals[p] = floats(g_geometric[at[p]]);
+    }
     var found: array<u32, 4>;
     // A light is read once for all four.
     for (var k = 0u; k < params.lights && (found[0] & found[1] & found[2] & found[3] & LIT) == 0u; k++) {
         let light = light_at(k);
         for (var p = 0u; p < 4u; p++) {
-            found[p] |= reach(light, floats(g_position[at[p]]), floats(g_geometric[at[p]]));
+            found[p] |= reach(light, positions[p], normals[p]);
         }
     }
     var any_of = 0u;

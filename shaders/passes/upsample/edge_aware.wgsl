@@ -7,9 +7,12 @@
 //   pixels  the image from level 1
 // In: fragments and their irradiance, pyramid, G-buffer. Out: irradiance a pixel.
 
+import package::common::alike::MOST_TURNED;
 import package::common::gbuffer::{SURFACE, floats};
 import package::common::grid::{Grid, item_index};
-import package::common::illumination::{Above, above, fragment_at, fragment_irradiance, illumination, own_light};
+import package::common::illumination::{
+    Above, MOST_OFF, above, fragment_at, fragment_irradiance, illumination, own_light,
+};
 import package::common::pyramid::{level_of, pyramid, texel_number, texel_of};
 import package::common::view::View;
 
@@ -23,11 +26,6 @@ import package::common::view::View;
 // Two rows a texel: xyz mean position, w inverse of the distance to its plane from which on nothing counts;
 // xyz unit normal, w 1 where it sees a surface, else 0.
 @group(0) @binding(7) var<storage, read_write> guides: array<vec4f>;
-
-// A neighbour counts for nothing from this distance to the plane on, over its width,
-const MOST_OFF: f32 = 0.25;
-// and from this difference of unit normals on: 41 degrees.
-const MOST_TURNED: f32 = 0.7;
 
 fn slot(number: u32) -> u32 {
     return number - pyramid.levels[1].z;

@@ -7,9 +7,11 @@
 // to 2 copied, two samples averaged.
 // In: fragments and their irradiance, level_map, G-buffer. Out: irradiance a pixel.
 
+import package::common::alike::MOST_TURNED;
 import package::common::fragment::CULLED;
 import package::common::gbuffer::{SURFACE, floats};
 import package::common::grid::{Grid, item_index};
+import package::common::illumination::{MOST_OFF, fragment_at, fragment_irradiance, own_light};
 import package::common::pyramid::{pyramid, texel_number, texel_of};
 import package::common::radial_basis::{LEAST_PIVOT, Samples, basis, weights_at};
 import package::common::view::View;
@@ -28,15 +30,10 @@ struct RbfParams {
 @group(0) @binding(3) var<storage, read> g_position: array<vec4u>;
 @group(0) @binding(4) var<storage, read> g_normal: array<vec4u>;
 @group(0) @binding(5) var<storage, read> g_geometric: array<vec4u>;
-@group(0) @binding(6) var<storage, read> fragment_at: array<u32>;
-@group(0) @binding(7) var<storage, read> fragment_irradiance: array<vec4f>;
 @group(0) @binding(8) var<storage, read_write> direct_irradiance: array<vec4f>;
 
 // Samples nearer to each other than this, in widths of the fragment, are one.
 const CLOSE: f32 = 0.125;
-// As in `edge_aware`.
-const MOST_OFF: f32 = 0.25;
-const MOST_TURNED: f32 = 0.7;
 const FAR: f32 = 1e30;
 
 // A fragment beside a pixel: 1 + its number, 0 for none; its middle and width.
@@ -166,8 +163,7 @@ fn write(i: u32, paper: bool) {
         let pixel = texel_of(pyramid.levels[0], i);
         let here = vec2f(pixel) + 0.5;
         let width = f32(1u << level);
-        let own = fragment_at[texel_number(pyramid.levels[level], pixel >> vec2u(level))];
-        light = fragment_irradiance[max(own, 1u) - 1u].xyz;
+        light = own_light(texel_number(pyramid.levels[level], pixel >> vec2u(level))).xyz;
         if paper && level > 2u {
             light = of_the_paper(samples_of(pixel, i, level, 3u), here, light);
         } else if !paper && level > 0u {

@@ -78,15 +78,16 @@ fn answer(first: u32, lane: u32, some: bool, dda: bool) {
     let inside = item < grid.end;
     let held = select(0u, item, inside);
     let index = held % params.receivers;
-    let at = index * params.words + held / params.receivers;
+    let word = held / params.receivers;
+    let at = index * params.words + word;
     let receiver = receivers[index];
-    let bits = select(0u, asked_of(receiver, held / params.receivers, visibility[at], some), inside);
+    let bits = select(0u, asked_of(receiver, word, visibility[at], some), inside);
     atomicStore(&gone[lane], 0u);
     if lane == 0u {
         atomicStore(&asked_rays, 0u);
     }
     workgroupBarrier();
-    push(receiver, held / params.receivers, bits, lane, some);
+    push(receiver, word, bits, lane, some);
     workgroupBarrier();
     let count = atomicLoad(&asked_rays);
     for (var i = lane; i < count; i += SIZE) {

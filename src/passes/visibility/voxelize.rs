@@ -88,6 +88,11 @@ fn cells(width: u32, height: u32, settings: &Settings) -> ([u64; 2], [u64; 2]) {
     (across, across.map(|n| (n as f64 * margin).ceil().min(1e9) as u64))
 }
 
+/// Cells and blocks that have bits.
+fn places(columns: u64, rows: u64) -> u64 {
+    columns.saturating_mul(rows).saturating_add(voxel_blocks::count(columns, rows))
+}
+
 /// Whether the voxels of an image of this size fit into one binding of at most `most` bytes.
 ///
 /// # Errors
@@ -96,8 +101,7 @@ pub fn check(settings: &Settings, camera: &Camera, most: u64) -> Result<()> {
     let (across, margin) = cells(camera.width, camera.height, settings);
     let slices = settings.int("voxel_slices");
     let [columns, rows] = [0, 1].map(|axis| across[axis] + 2 * margin[axis]);
-    let blocks = columns.div_ceil(4).saturating_mul(rows.div_ceil(4));
-    let bytes = columns.saturating_mul(rows).saturating_add(blocks).saturating_mul(u64::from(slices / 8));
+    let bytes = places(columns, rows).saturating_mul(u64::from(slices / 8));
     if bytes <= most {
         return Ok(());
     }
@@ -159,8 +163,8 @@ pub fn record(context: &mut Context<'_, '_>) -> Result<VoxelGrid> {
     let mut voxels = place(&context.view, context.settings, [1.0, 2.0]);
     let depths = voxel_depths::range(&voxels, eye_from_scene(&voxels), &meshes);
     voxels = place(&context.view, context.settings, depths);
-    let cells = voxels.columns as usize * voxels.rows as usize + voxel_blocks::count(voxels.columns, voxels.rows);
-    let bits = context.resources.buffer("voxel_bits", cells * voxels.words as usize)?;
+    let places = places(voxels.columns.into(), voxels.rows.into()) as usize;
+    let bits = context.resources.buffer("voxel_bits", places * voxels.words as usize)?;
     context.recorder.clear(&bits)?;
     let mut first = vec![0_u32];
     for placed in &meshes {
