@@ -89,8 +89,13 @@ pub const ADAPTIVE: [&str; 15] = [
 /// Passes that choose the fragments whose middle is shaded.
 pub const FRAGMENTS: [&str; 4] =
     ["direct/pyramid", "direct/one_pass", "direct/fragment_list", "direct/fragment_receivers"];
-/// Passes that choose fragments level by level, by what is seen at coarser ones.
-pub const INCREMENTAL: [&str; 4] = ["direct/nodes", "direct/reuse", "direct/interleaved", "direct/incremental"];
+/// Passes that look at fragments level by level, and choose those that are left.
+pub const LEVELS: [&str; 2] = ["direct/nodes", "direct/incremental"];
+/// Passes that light fragments by what is seen at coarser ones and beside them.
+pub const INCREMENTAL: [&str; 2] = ["direct/reuse", "direct/interleaved"];
+/// Passes that light fragments by what is seen inside of them.
+pub const SUB_FRAGMENTS: [&str; 4] =
+    ["direct/sub_bits", "direct/sub_gather", "direct/sub_fragments", "direct/stop_guard"];
 /// Passes that take the fragments' light to the pixels.
 pub const UPSAMPLE: [&str; 4] = ["direct/nearest", "direct/bilinear", "direct/edge_aware", "direct/rbf"];
 /// Where refinement ends early.
@@ -170,8 +175,23 @@ pub fn is_adaptive(settings: &Settings) -> bool {
 }
 
 /// Whether fragments are chosen level by level.
+pub fn is_by_level(settings: &Settings) -> bool {
+    is_incremental(settings) || is_sub_fragment(settings)
+}
+
+/// Whether a fragment's neighbours decide what is split.
 pub fn is_incremental(settings: &Settings) -> bool {
     settings.is("refine", "incremental") && has_fragments(settings)
+}
+
+/// Whether a fragment is tested inside.
+pub fn is_sub_fragment(settings: &Settings) -> bool {
+    settings.is("refine", "sub-fragment") && has_fragments(settings)
+}
+
+/// Whether what fragments see of a light is proven where it stops refinement; proofs are true of rays alone.
+pub fn guards_stops(settings: &Settings) -> bool {
+    is_sub_fragment(settings) && settings.is("stop_guard", "bounds") && settings.is("visibility", "ray")
 }
 
 /// Whether discontinuities of depth or normals split what shadows leave whole.
@@ -222,14 +242,22 @@ impl Plan {
         let chosen = if is_adaptive(settings) && splits_by_geometry(settings) { None } else { pixels };
         self.add(&FRAGMENTS[..1], direct.or(chosen).or(flat));
         self.add(&FRAGMENTS[1..3], direct.or(chosen));
-        let by_level = is_incremental(settings).then_some("refine is incremental");
+        let by_level = is_by_level(settings).then_some("fragments are looked at level by level");
         self.add(&FRAGMENTS[3..], direct.or(pixels).or(by_level));
-        let other = (!is_incremental(settings)).then_some("refine is not incremental");
+        let at_once = (!is_by_level(settings)).then_some("fragments are not looked at level by level");
+        let around = (!is_incremental(settings)).then_some("refine is not incremental");
+        let inside = (!is_sub_fragment(settings)).then_some("refine is not sub-fragment");
         let unshadowed = settings.is("visibility", "none").then_some("visibility is none");
-        self.add(&INCREMENTAL[..1], direct.or(other));
-        self.add(&INCREMENTAL[1..2], direct.or(other).or(unshadowed));
+        self.add(&LEVELS[..1], direct.or(at_once));
+        self.add(&INCREMENTAL[..1], direct.or(around).or(unshadowed));
+        self.add(&SUB_FRAGMENTS[..1], direct.or(inside).or(unshadowed));
         self.add_occlusion(settings, direct.or(adaptive));
-        self.add(&INCREMENTAL[2..], direct.or(other));
+        self.add(&INCREMENTAL[1..], direct.or(around));
+        self.add(&SUB_FRAGMENTS[1..2], direct.or(inside));
+        self.add(&SUB_FRAGMENTS[2..3], direct.or(inside).or(unshadowed));
+        let unguarded = (!guards_stops(settings)).then_some("stop_guard is off, or visibility is not ray");
+        self.add(&SUB_FRAGMENTS[3..], direct.or(inside).or(unguarded));
+        self.add(&LEVELS[1..], direct.or(at_once));
         let ratio = settings.is("direct_estimator", "ratio");
         let no_sum =
             (ratio && facts.spot_lights == 0).then_some("direct_estimator is ratio, and there is no spot light");
@@ -241,7 +269,7 @@ impl Plan {
             self.add(&[pass], direct.or(pixels).or(other));
         }
         let to_the_pixels = (settings.int("finest_level") == 0).then_some("finest_level is 0");
-        self.add(&[BILATERAL], direct.or(other).or(to_the_pixels));
+        self.add(&[BILATERAL], direct.or(at_once).or(to_the_pixels));
     }
 
     /// What lobes reflect; `matt`: why nothing.
@@ -265,13 +293,14 @@ impl Plan {
     fn add_adaptive(&mut self, facts: SceneFacts, settings: &Settings, direct: Option<&'static str>) {
         let other = (!is_adaptive(settings))
             .then_some("every pixel asks for itself: refine is none or direct_estimator is samples");
-        let direct = direct.or(other);
+        let (all, direct) = (direct, direct.or(other));
         let unshadowed = settings.is("visibility", "none").then_some("visibility is none");
         let no_area = (facts.area_lights == 0).then_some("no area light emits anything, and spots have no penumbra");
         let unproven = settings.is("shadow_proofs", "off").then_some("shadow_proofs is off");
         let unfiltered = settings.is("penumbra_filter", "off").then_some("penumbra_filter is off");
-        self.add(&ADAPTIVE[..1], direct);
-        self.add(&ADAPTIVE[1..2], direct.or(unshadowed).or(unproven));
+        let guards = guards_stops(settings);
+        self.add(&ADAPTIVE[..1], if guards { all } else { direct });
+        self.add(&ADAPTIVE[1..2], if guards { all } else { direct.or(unshadowed).or(unproven) });
         self.add(&ADAPTIVE[2..6], direct.or(unshadowed));
         self.add(&ADAPTIVE[6..7], direct);
         let sharp = direct.or(unshadowed).or(no_area);
@@ -307,7 +336,9 @@ mod tests {
             &DIRECT,
             &ADAPTIVE,
             &FRAGMENTS,
+            &LEVELS,
             &INCREMENTAL,
+            &SUB_FRAGMENTS,
             &UPSAMPLE,
             &VOXELS,
             &MAPS,
@@ -329,7 +360,7 @@ mod tests {
                     ("visibility", "shadow-map"),
                     ("direct_estimator", "ratio"),
                 ] {
-                    for refine in ["none", "one-pass", "incremental"] {
+                    for refine in ["none", "one-pass", "incremental", "sub-fragment"] {
                         let plan = plan(facts, &settings(&[change, ("refine", refine)]), Valid { gbuffer });
                         for pass in &all {
                             let why = reason(&plan, pass);

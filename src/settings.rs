@@ -67,7 +67,7 @@ pub const SPECS: &[Spec] = &[
     choice(
         "refine",
         &["none", "iterative", "one-pass", "incremental", "sub-fragment"],
-        &["none", "one-pass", "incremental"],
+        &["none", "one-pass", "incremental", "sub-fragment"],
         "none",
         "How fragments are split; `none` shades every pixel.",
         "[NW09; NSW09; NPW10; KJ16]",
@@ -211,8 +211,8 @@ pub const SPECS: &[Spec] = &[
             [1, 4096],
             128,
             "Visibility bits of all `light_samples` on which a neighbourhood of 3 x 3 differs, from which on a fragment \
-             is split; `refine` incremental only; None: never.",
-            "[NPW10 Sec. 3.3.2]",
+             is split; `refine` incremental; of sub-fragments with `refine` sub-fragment; None: never.",
+            "[NPW10 Sec. 3.3.2; KJ16 Sec. 3.1.2]",
         )
     },
     later("light_cut_threshold", POSITIVE, "", "Contribution above which a light cluster is split.", "[NSW09 Eq. 7]"),
@@ -284,10 +284,40 @@ pub const SPECS: &[Spec] = &[
             [1, 2],
             1,
             "Width of the interleaved sampling pattern: with 2 a fragment asks every fourth sample, and its neighbours \
-             the others; `refine` incremental only.",
+             the others; with `refine` sub-fragment so does each of its four sub-fragments; those two only.",
             "[NPW10 Sec. 3.3.2]",
         )
     },
+    choice(
+        "sub_fragment_samples",
+        &["same", "own"],
+        &["same", "own"],
+        "same",
+        "Whether the four sub-fragments that are compared ask the same light samples, or each a fourth of all; then nearly \
+         every penumbra is refined to pixels. `refine` sub-fragment only.",
+        "[KJ16 Sec. 3.1.2]",
+    ),
+    Spec {
+        unit: "bits",
+        nullable: true,
+        ..int(
+            "gradient_threshold",
+            [0, 4096],
+            4,
+            "Samples between sub-fragments beside each other, of those that each of them asks, above which both are split \
+             together with their fragment; `refine` sub-fragment only; None: never.",
+            "[KJ16 Sec. 3.1.3]",
+        )
+    },
+    choice(
+        "gradient_metric",
+        &["changes", "counts"],
+        &["changes", "counts"],
+        "changes",
+        "What `gradient_threshold` is compared with: the samples that one sees and the other does not, or the difference of \
+         how many each sees, as the paper's text has it, which misses a shadow that moves.",
+        "[KJ16 Sec. 3.1.3]",
+    ),
     int("rbf_samples", [1, 4], 3, "Fragments that a pixel takes light from; `upsample` rbf only.", "[KJ16 Sec. 3.1.5]"),
     choice(
         "rbf_form",
@@ -297,6 +327,16 @@ pub const SPECS: &[Spec] = &[
         "Radial bases that keep a constant one and stay in the range of their samples, or those of the paper's text, which \
          do neither; `upsample` rbf only.",
         "[KJ16 Eqs. 1 to 3]",
+    ),
+    choice(
+        "stop_guard",
+        &["off", "bounds"],
+        &["off", "bounds"],
+        "bounds",
+        "Whether a fragment above level 2 that sees all or nothing of a light is split unless bounds prove that it does: \
+         something thin may lie between the samples. Off is the paper's rule. `refine` sub-fragment with `visibility` \
+         ray only.",
+        "[KJ16 Sec. 3.1.3; HW91]",
     ),
     threshold(
         "lobe_threshold",

@@ -9,7 +9,12 @@ import package::common::pyramid::{pyramid, texel_number};
 // Bits of a node beside those of its texel, see `fragment`.
 const DIFFERS: u32 = 32u;       // its irradiance differs from a neighbour's
 const CHANGES: u32 = 64u;       // visibility changes around it
-const SPLIT: u32 = 120u;        // any of these, or a rough texel
+const SKIPS: u32 = 512u;        // it was split together with the node above
+const SPLIT: u32 = 632u;        // any of these, or a rough texel
+// From this bit on one for each sub-fragment that is split as well, and for each that does not see the same as those beside it.
+const AGAIN: u32 = 1024u;
+const UNSTABLE: u32 = 16384u;
+const OPEN: u32 = 262144u;      // nothing is proven of it for some light
 
 // The node of a texel or of the finest texel above it that has one; 1 + its number, 0 for none.
 fn node_above(level: u32, texel: vec2u) -> u32 {

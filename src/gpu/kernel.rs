@@ -79,7 +79,8 @@ impl Gpu {
 
     fn make_kernel(&self, stem: &str, text: Option<&str>, entry: &str, overrides: &[(&str, f64)]) -> Result<Kernel> {
         let compiled = shader::compile(stem, text)?;
-        let reflection = Reflection::of(&compiled, entry, overrides)?;
+        let constants: Vec<(&str, f64)> = overrides.iter().map(|&(n, value)| (compiled.full_name(n), value)).collect();
+        let reflection = Reflection::of(&compiled, entry, &constants)?;
         let set: Vec<String> = overrides.iter().map(|(name, value)| format!("{name}={value}")).collect();
         let set = if set.is_empty() { String::new() } else { format!(" ({})", set.join(", ")) };
         let label = format!("{stem}::{entry}{set}");
@@ -108,7 +109,7 @@ impl Gpu {
                 layout: Some(&layout),
                 module: &module,
                 entry_point: Some(entry),
-                compilation_options: wgpu::PipelineCompilationOptions { constants: overrides, ..Default::default() },
+                compilation_options: wgpu::PipelineCompilationOptions { constants: &constants, ..Default::default() },
                 // Drivers keep compiled code on disk themselves; within the process, `kernels` does.
                 cache: None,
             });

@@ -60,8 +60,9 @@ impl Reflection {
     pub fn of(text: &ShaderText, entry: &str, overrides: &[(&str, f64)]) -> Result<Self> {
         let fault = |message: String| Error::Shader(format!("shaders/{}.wgsl: {message}", text.stem));
         let names: Vec<String> = text.module.overrides.iter().filter_map(|(_, o)| o.name.clone()).collect();
+        let plain: Vec<&str> = names.iter().map(|name| plain_name(name)).collect();
         if let Some((unknown, _)) = overrides.iter().find(|(name, _)| !names.iter().any(|n| n == name)) {
-            return Err(fault(format!("no override constant {unknown:?}; there are: {}", names.join(", "))));
+            return Err(fault(format!("no override constant {unknown:?}; there are: {}", plain.join(", "))));
         }
         let position = text
             .module

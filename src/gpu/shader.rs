@@ -74,6 +74,14 @@ impl wesl::Mangler for SuffixMangler {
     }
 }
 
+impl ShaderText {
+    /// Name of an override constant in the compiled text: of an imported file it has a suffix.
+    pub(crate) fn full_name<'n>(&'n self, name: &'n str) -> &'n str {
+        let mut names = self.module.overrides.iter().filter_map(|(_, constant)| constant.name.as_deref());
+        names.find(|full| plain_name(full) == name).unwrap_or(name)
+    }
+}
+
 /// The name as written in its file: `Ray__common_ray` is `Ray`.
 pub(crate) fn plain_name(name: &str) -> &str {
     // A leading or trailing run of underscores is the author's own.

@@ -27,7 +27,18 @@ pub const PRESETS: &[(&str, Option<Changes>)] = &[
             ("normal_threshold", Default::Float(0.5)),
         ]),
     ),
-    ("area-2016", None),
+    (
+        "area-2016",
+        Some(&[
+            ("refine", Default::Text("sub-fragment")),
+            ("light_samples", Default::Int(64)),
+            ("light_pattern", Default::Text("grid")),
+            ("normal_metric", Default::Text("curvature")),
+            ("interleave", Default::Int(2)),
+            ("bit_threshold", Default::Int(1)),
+            ("upsample", Default::Text("rbf")),
+        ]),
+    ),
     ("brute-force", Some(&[])),
     (
         "default",

@@ -17,7 +17,7 @@ import package::common::fragment::{
 };
 import package::common::gbuffer::{NOTHING, SURFACE};
 import package::common::grid::{Grid, item_index};
-import package::common::nodes::{CHANGES, DIFFERS, SPLIT, neighbour_node, node_at, node_rows};
+import package::common::nodes::{CHANGES, DIFFERS, SKIPS, SPLIT, neighbour_node, node_at, node_rows};
 import package::common::pyramid::{pyramid, texel_number, texel_of};
 import package::common::ray::Receiver;
 import package::common::tiles::pixel_in_tile_order;
@@ -156,7 +156,7 @@ fn differ(
 
 // Why a node was split.
 fn reason_of(state: u32) -> u32 {
-    let light = select(select(REASON_COARSEST, REASON_VISIBILITY, (state & CHANGES) != 0u), REASON_ILLUMINATION, (state & DIFFERS) != 0u);
+    let light = select(select(REASON_COARSEST, REASON_VISIBILITY, (state & (CHANGES | SKIPS)) != 0u), REASON_ILLUMINATION, (state & DIFFERS) != 0u);
     let normal = select(light, REASON_NORMAL, (state & ROUGH_NORMAL) != 0u);
     return select(normal, REASON_DEPTH, (state & ROUGH_DEPTH) != 0u);
 }

@@ -8,7 +8,7 @@
 import package::common::fragment::{LIT, ROUGH};
 import package::common::grid::{Grid, item_index};
 import package::common::middle_pixel::{g_normal, middle_pixel};
-import package::common::nodes::{SPLIT, class_of, node_at, node_rows};
+import package::common::nodes::{AGAIN, SKIPS, SPLIT, class_of, node_at, node_rows};
 import package::common::pyramid::{footprint, pyramid, texel_number, texel_of};
 import package::common::ray::Receiver;
 import package::common::receiver::{pattern_of, receiver_of};
@@ -19,7 +19,7 @@ struct NodesParams {
     patterns: u32,
     classes: u32,       // interleaved sets of samples: 1 or 4
     seed: u32,
-    pad0: u32,
+    inherit: u32,       // 1: pixels use the sample points of the node above
     pad1: u32,
     pad2: u32,
 }
@@ -98,9 +98,14 @@ fn main(
     let root = pyramid.level == pyramid.coarsest;
     let parent = select(params.parents + entry / 4u, NO_PARENT, root);
     // Nothing splits what is of the finest level.
-    let state = select(texel_state[number] & ROUGH, 0u, pyramid.level == pyramid.finest);
+    let above = node_rows[select(parent, node, root)].z;
+    let skips = select(0u, SKIPS, !root && (above & (AGAIN << (entry & 3u))) != 0u);
+    let state = select((texel_state[number] & ROUGH) | skips, 0u, pyramid.level == pyramid.finest);
     node_rows[node] = vec4u(number, at, state, parent);
     node_at[number] = node + 1u;
-    let pattern = pattern_of(pixel, params.seed, params.patterns) * params.classes + class_of(texel, params.classes);
+    var pattern = pattern_of(pixel, params.seed, params.patterns) * params.classes + class_of(texel, params.classes);
+    if params.inherit != 0u && pyramid.level == 0u && !root {
+        pattern = node_receivers[parent].pattern;
+    }
     node_receivers[node] = receiver_of(g_position[at], g_normal[at], g_geometric[at], pattern, at);
 }

@@ -9,7 +9,7 @@ use crate::passes::Context;
 use crate::passes::lights::light_samples::{self, LightSamples};
 use crate::passes::refine::nodes::{Level, Nodes};
 
-/// Twin of `InterleavedParams` in `shaders/passes/gather/interleaved.wgsl`.
+/// Twin of `InterleavedParams` in `shaders/common/light_terms.wgsl`.
 #[repr(C)]
 #[derive(Debug, Clone, Copy, Pod, Zeroable)]
 pub struct InterleavedParams {
@@ -52,11 +52,24 @@ pub fn record(
     bits: Option<&Buffer<u32>>,
 ) -> Result<()> {
     let nothing: Buffer<u32> = context.resources.buffer("no_bits", 2)?;
+    let params = params(context, level, light, bits.map_or(0, |_| light.strata.div_ceil(32)));
+    let kernel = context.kernel_with("gather/interleaved", "main", &overrides(context, light))?;
+    let pyramid = nodes.pyramid.at(level.level);
+    let pass = context.recorder.pass("interleaved", &kernel).uniform("params", &params).uniform("pyramid", &pyramid);
+    let pass = pass.bind("node_rows", &nodes.rows).bind("node_at", &nodes.at);
+    let pass = pass.bind("node_receivers", &nodes.receivers).bind("node_bits", bits.unwrap_or(&nothing));
+    let pass = pass.bind("light_points", &light.points).bind("light_radiance", &light.radiance);
+    let work = 400.0 + 20.0 * f64::from(light.strata * light.classes);
+    pass.bind("node_irradiance", &nodes.irradiance).dispatch_cut(level.count, work)
+}
+
+/// What a light's samples add to the nodes of a level; `words` of bits, 0 where everything is seen.
+pub fn params(context: &Context<'_, '_>, level: Level, light: &LightSamples, words: u32) -> InterleavedParams {
     let [corner, step_u, step_v] = strata(context, light);
-    let params = InterleavedParams {
+    InterleavedParams {
         first: level.first as u32,
         strata: light.strata,
-        words: bits.map_or(0, |_| light.strata.div_ceil(32)),
+        words,
         classes: light.classes,
         normal: light.normal.to_array(),
         cos_cutoff: light.cos_cutoff,
@@ -66,17 +79,14 @@ pub fn record(
         row: light.row(),
         step_v,
         pad: 0,
-    };
-    let grid = f64::from(u8::from(light.patterns == light.classes && light.classes > 1));
-    let constant = f64::from(u8::from(!context.prepared.light_textures.contains_key(&(light.light as usize))));
-    let kernel = context.kernel_with("gather/interleaved", "main", &[("GRID", grid), ("CONSTANT", constant)])?;
-    let pyramid = nodes.pyramid.at(level.level);
-    let pass = context.recorder.pass("interleaved", &kernel).uniform("params", &params).uniform("pyramid", &pyramid);
-    let pass = pass.bind("node_rows", &nodes.rows).bind("node_at", &nodes.at);
-    let pass = pass.bind("node_receivers", &nodes.receivers).bind("node_bits", bits.unwrap_or(&nothing));
-    let pass = pass.bind("light_points", &light.points).bind("light_radiance", &light.radiance);
-    let work = 400.0 + 20.0 * f64::from(light.strata * light.classes);
-    pass.bind("node_irradiance", &nodes.irradiance).dispatch_cut(level.count, work)
+    }
+}
+
+/// What is the same for all samples: that they lie in the middles of their strata, and their radiance.
+pub fn overrides(context: &Context<'_, '_>, light: &LightSamples) -> [(&'static str, f64); 2] {
+    let grid = light.patterns == light.classes && light.classes > 1;
+    let constant = !context.prepared.light_textures.contains_key(&(light.light as usize));
+    [("GRID", f64::from(u8::from(grid))), ("CONSTANT", f64::from(u8::from(constant)))]
 }
 
 /// Corner of a light, and the steps from stratum to stratum; none for a spot.

@@ -11,6 +11,7 @@ use crate::passes::refine::{incremental, one_pass};
 use crate::passes::visibility::occlusion::Occlusion;
 use crate::passes::visibility::reuse::{MOST_WORDS, Reuse};
 use crate::passes::{Context, GBuffer, upsample};
+use crate::plan;
 
 /// Which samples of a light the nodes face and see.
 #[derive(Debug, Clone)]
@@ -31,13 +32,20 @@ pub struct Looked {
 }
 
 /// What stays the same from level to level.
-struct Work<'g> {
-    gbuffer: &'g GBuffer,
-    lights: Vec<LightSamples>,
-    texels: Texels,
-    state: Buffer<u32>,
-    params: NodesParams,
-    occlusion: Occlusion,
+pub struct Work<'g> {
+    /// What is seen.
+    pub gbuffer: &'g GBuffer,
+    /// Samples of all lights, dealt to interleaved sets.
+    pub lights: Vec<LightSamples>,
+    /// What geometry says of every texel,
+    pub texels: Texels,
+    /// and whether it is rough, and lit by anything.
+    pub state: Buffer<u32>,
+    /// How nodes are made.
+    pub params: NodesParams,
+    /// How it is found what they see.
+    pub occlusion: Occlusion,
+    tests_inside: bool,
 }
 
 /// Direct irradiance of every pixel from that of its fragment and its neighbours.
@@ -45,22 +53,7 @@ struct Work<'g> {
 /// # Errors
 /// Those of the device; `Settings` for levels in the wrong order or samples that cannot be interleaved; `Cancelled`.
 pub fn record(context: &mut Context<'_, '_>, gbuffer: &GBuffer) -> Result<Direct> {
-    let classes = context.settings.int("interleave").pow(2);
-    check_samples(context.settings.int("light_samples"), classes)?;
-    let lights = light_samples::interleaved(context, classes)?;
-    let (texels, state) = one_pass::states(context, gbuffer)?;
-    let params = NodesParams {
-        base: 0,
-        parents: 0,
-        patterns: light_samples::patterns(context),
-        classes,
-        seed: context.settings.int("seed"),
-        pad0: 0,
-        pad1: 0,
-        pad2: 0,
-    };
-    let occlusion = Occlusion::record(context, &lights)?;
-    let work = Work { gbuffer, lights, texels, state, params, occlusion };
+    let work = Work::new(context, gbuffer)?;
     let pyramid = work.texels.pyramid;
     let mut nodes = Nodes::new(context, pyramid)?;
     let mut mean = None;
@@ -89,6 +82,33 @@ fn check_samples(samples: u32, classes: u32) -> Result<()> {
         )));
     }
     Ok(())
+}
+
+impl<'g> Work<'g> {
+    /// Samples, geometry and occlusion of a frame.
+    ///
+    /// # Errors
+    /// Those of the device; `Settings` for levels in the wrong order or samples that cannot be interleaved; `Cancelled`.
+    pub fn new(context: &mut Context<'_, '_>, gbuffer: &'g GBuffer) -> Result<Self> {
+        let tests_inside = plan::is_sub_fragment(context.settings);
+        let classes = context.settings.int("interleave").pow(2);
+        check_samples(context.settings.int("light_samples"), classes)?;
+        let lights = light_samples::interleaved(context, classes)?;
+        let (texels, state) = one_pass::states(context, gbuffer)?;
+        let params = NodesParams {
+            base: 0,
+            parents: 0,
+            patterns: light_samples::patterns(context),
+            // Sub-fragments choose their sets, and pixels ask all.
+            classes: if tests_inside { 1 } else { classes },
+            seed: context.settings.int("seed"),
+            inherit: tests_inside.into(),
+            pad1: 0,
+            pad2: 0,
+        };
+        let occlusion = Occlusion::record(context, &lights)?;
+        Ok(Self { gbuffer, lights, texels, state, params, occlusion, tests_inside })
+    }
 }
 
 impl Work<'_> {
@@ -145,7 +165,11 @@ impl Work<'_> {
         Ok(bits)
     }
 
-    fn finish(self, context: &mut Context<'_, '_>, nodes: Nodes) -> Result<Direct> {
+    /// Fragments and pixels from all nodes.
+    ///
+    /// # Errors
+    /// Those of the device.
+    pub fn finish(self, context: &mut Context<'_, '_>, nodes: Nodes) -> Result<Direct> {
         let fragments = incremental::choose(context, self.gbuffer, &nodes, self.texels.clone(), &self.state)?;
         let irradiance = upsample::record(context, self.gbuffer, &fragments, &nodes.irradiance)?;
         if nodes.pyramid.finest > 0 {
@@ -157,9 +181,14 @@ impl Work<'_> {
         let samples = self.lights.iter().map(|light| u64::from(light.strata * light.classes)).sum();
         let levels = Some([fragments.level_map, fragments.reason_map]);
         let why = "every pixel is culled or sees nothing";
-        let passes = ["direct/reuse", "direct/shadow", "direct/interleaved"];
+        let [bits, light] = match self.tests_inside {
+            true => [plan::SUB_FRAGMENTS[0], plan::SUB_FRAGMENTS[1]],
+            false => plan::INCREMENTAL,
+        };
+        let passes = [bits, self.occlusion.pass(), light];
         let empty = if count == 0 { passes.map(|pass| (pass, why)).to_vec() } else { Vec::new() };
-        let bits = if self.occlusion.asks() { self.kept_bits(context, &nodes)? } else { Vec::new() };
+        let bits =
+            if self.occlusion.asks() && !self.tests_inside { self.kept_bits(context, &nodes)? } else { Vec::new() };
         Ok(Direct {
             irradiance,
             active,
@@ -190,7 +219,7 @@ fn bits_name(light: &LightSamples) -> String {
 }
 
 /// Bits of a node from which on it is split: the setting counts those of all samples, of which a node asks a share.
-fn least_bits(context: &Context<'_, '_>, light: &LightSamples) -> Option<u32> {
+pub fn least_bits(context: &Context<'_, '_>, light: &LightSamples) -> Option<u32> {
     let all = context.settings.float("bit_threshold")? as u32;
     Some(if light.is_area() { all.div_ceil(light.classes) } else { 1 })
 }

@@ -13,6 +13,8 @@ pub mod receivers;
 pub mod share;
 pub mod smooth_share;
 pub mod specular;
+pub mod sub_fragments;
+pub mod sub_gather;
 pub mod textured_share;
 
 use self::gather::Gathered;
@@ -66,6 +68,8 @@ fn chunk_len(context: &Context<'_, '_>, strata: u32) -> usize {
 pub fn record(context: &mut Context<'_, '_>, gbuffer: &GBuffer, specular: bool) -> Result<Direct> {
     let mut direct = if plan::is_adaptive(context.settings) {
         adaptive::record(context, gbuffer, specular)?
+    } else if plan::is_sub_fragment(context.settings) {
+        sub_fragments::record(context, gbuffer)?
     } else if plan::is_incremental(context.settings) {
         levels::record(context, gbuffer)?
     } else if plan::has_fragments(context.settings) {

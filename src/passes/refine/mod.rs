@@ -11,6 +11,8 @@ pub mod one_pass;
 pub mod penumbra;
 pub mod penumbra_rays;
 pub mod pyramid;
+pub mod stop_guard;
+pub mod sub_fragments;
 pub mod uniform_levels;
 pub mod zone;
 pub mod zone_rays;

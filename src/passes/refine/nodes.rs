@@ -28,8 +28,8 @@ pub struct NodesParams {
     pub classes: u32,
     /// The user's seed.
     pub seed: u32,
-    /// Unused.
-    pub pad0: u32,
+    /// 1: pixels use the sample points of the node above.
+    pub inherit: u32,
     /// Unused.
     pub pad1: u32,
     /// Unused.

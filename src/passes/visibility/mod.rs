@@ -9,6 +9,7 @@ pub mod prove;
 pub mod prove_native;
 pub mod reuse;
 pub mod shadow;
+pub mod sub_bits;
 pub mod trace;
 pub mod trace_native;
 pub mod trace_wgsl;

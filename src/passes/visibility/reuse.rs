@@ -7,11 +7,12 @@ use crate::gpu::Buffer;
 use crate::passes::Context;
 use crate::passes::lights::light_samples::{self, LightSamples};
 use crate::passes::refine::nodes::{Level, Nodes};
+use crate::passes::visibility::shadow::ShadowLight;
 
 /// Words of samples that a node may ask; twin of the arrays in `shaders/passes/visibility/reuse.wgsl`.
 pub const MOST_WORDS: usize = 32;
 
-/// Twin of `ReuseParams` in `shaders/passes/visibility/reuse.wgsl`.
+/// Twin of `ReuseParams` in `shaders/common/facing_bits.wgsl`.
 #[repr(C)]
 #[derive(Debug, Clone, Copy, Pod, Zeroable)]
 pub struct ReuseParams {
@@ -33,16 +34,16 @@ pub struct ReuseParams {
     pub reuse: u32,
     /// Of the light, or a spot's position.
     pub corner: [f32; 3],
-    /// Unused.
-    pub pad0: u32,
+    /// Interleaved sets of samples: 1 or 4.
+    pub classes: u32,
     /// Scene units; zero for a spot, as `edge_v`.
     pub edge_u: [f32; 3],
-    /// Unused.
-    pub pad1: u32,
+    /// 1: sub-fragments ask one set, 0: each its own.
+    pub together: u32,
     /// Scene units.
     pub edge_v: [f32; 3],
-    /// Unused.
-    pub pad2: u32,
+    /// First node of the level above.
+    pub above: u32,
 }
 
 /// A level at work: its nodes, what they know of a light, and what they ask.
@@ -59,31 +60,37 @@ pub struct Reuse<'r> {
     pub asked: &'r Buffer<u32>,
 }
 
+/// What is asked of the samples of a light that `shadow` names.
+pub fn params(context: &Context<'_, '_>, light: &LightSamples, shadow: &ShadowLight<'_>, level: Level) -> ReuseParams {
+    let [corner, edge_u, edge_v] = match light_samples::edges(context, light.light as usize) {
+        edges if light.is_area() => edges,
+        [position, ..] => [position, [0.0; 3], [0.0; 3]],
+    };
+    ReuseParams {
+        light_normal: shadow.light_normal,
+        two_sided: shadow.two_sided.into(),
+        cone_axis: shadow.cone_axis,
+        cos_cutoff: shadow.cos_cutoff,
+        first: level.first as u32,
+        strata: shadow.strata,
+        words: shadow.words() as u32,
+        reuse: 0,
+        corner,
+        classes: light.classes,
+        edge_u,
+        together: 0,
+        edge_v,
+        above: 0,
+    }
+}
+
 impl Reuse<'_> {
     fn record(&self, context: &mut Context<'_, '_>, entry: &str) -> Result<()> {
         let shadow = self.light.shadow_light();
         // A spot asks one ray a node, and its shadows have no penumbra that would reach a coarser node: nothing to save.
         let reuse = context.settings.is("visibility_reuse", "incremental") && self.light.is_area();
-        let [corner, edge_u, edge_v] = match light_samples::edges(context, self.light.light as usize) {
-            edges if self.light.is_area() => edges,
-            [position, ..] => [position, [0.0; 3], [0.0; 3]],
-        };
-        let params = ReuseParams {
-            light_normal: shadow.light_normal,
-            two_sided: shadow.two_sided.into(),
-            cone_axis: shadow.cone_axis,
-            cos_cutoff: shadow.cos_cutoff,
-            first: self.level.first as u32,
-            strata: shadow.strata,
-            words: shadow.words() as u32,
-            reuse: reuse.into(),
-            corner,
-            pad0: 0,
-            edge_u,
-            pad1: 0,
-            edge_v,
-            pad2: 0,
-        };
+        let mut params = params(context, self.light, &shadow, self.level);
+        params.reuse = reuse.into();
         let kernel = context.kernel("visibility/reuse", entry)?;
         let pass = context.recorder.pass("reuse", &kernel).uniform("params", &params);
         let pass = pass.bind("node_bits", self.bits).bind("asked", self.asked);

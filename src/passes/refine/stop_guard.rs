@@ -1,0 +1,71 @@
+//! Guard of the stops of sub-fragment tests: a node that sees all or nothing of a light is split unless that is proven.
+
+use bytemuck::{Pod, Zeroable};
+
+use crate::error::Result;
+use crate::gpu::Buffer;
+use crate::passes::lights::light_samples::LightSamples;
+use crate::passes::refine::light_bounds::{self, LightFrame};
+use crate::passes::refine::nodes::{Level, Nodes};
+use crate::passes::{Context, GBuffer};
+
+/// Twin of `StopGuardParams` in `shaders/passes/refine/stop_guard.wgsl`.
+#[repr(C)]
+#[derive(Debug, Clone, Copy, Pod, Zeroable)]
+pub struct StopGuardParams {
+    /// First node of the level.
+    pub first: u32,
+    /// Words of bits a sub-fragment.
+    pub words: u32,
+    /// Unused.
+    pub pad0: u32,
+    /// Unused.
+    pub pad1: u32,
+}
+
+/// What is proven of each tile, light by light.
+#[derive(Debug, Clone)]
+pub struct Proofs(Vec<Buffer<u32>>);
+
+impl Proofs {
+    /// Proves what can be proven for all lights.
+    ///
+    /// # Errors
+    /// Those of the device; `Cancelled`.
+    pub fn record(context: &mut Context<'_, '_>, gbuffer: &GBuffer, lights: &[LightSamples]) -> Result<Self> {
+        let pixel_lights: Buffer<u32> = context.resources.buffer("guard_pixel_lights", context.view.pixels())?;
+        let facing = context.resources.buffer("guard_facing", 1)?;
+        let mut all = Vec::new();
+        for light in lights {
+            let frame = LightFrame::of(context, light.light as usize);
+            let tiles = light_bounds::record(context, gbuffer, &frame, light.light, &pixel_lights, &facing)?;
+            let (bounds, flags) = (&tiles.bounds, &tiles.flags);
+            context.tracer.prove(context.recorder, "prove", &frame, bounds, flags, gbuffer, &context.view)?;
+            let kept = context.resources.buffer(&format!("proven_tiles/{}", light.light), tiles.count)?;
+            context.recorder.copy(flags, &kept, tiles.count)?;
+            all.push(kept);
+        }
+        Ok(Self(all))
+    }
+
+    /// Splits nodes of a level that see all or nothing of light number `index` of the list without a proof, or, where they are
+    /// small, marks them.
+    ///
+    /// # Errors
+    /// Those of the device.
+    pub fn guard(
+        &self,
+        context: &mut Context<'_, '_>,
+        nodes: &Nodes,
+        level: Level,
+        index: usize,
+        (bits, words): (&Buffer<u32>, usize),
+    ) -> Result<()> {
+        let params = StopGuardParams { first: level.first as u32, words: words as u32, pad0: 0, pad1: 0 };
+        let kernel = context.kernel("refine/stop_guard", "main")?;
+        let pyramid = nodes.pyramid.at(level.level);
+        let pass = context.recorder.pass("stop_guard", &kernel).uniform("params", &params).uniform("pyramid", &pyramid);
+        let pass = pass.bind("node_rows", &nodes.rows).bind("sub_bits", bits).bind("tile_flags", &self.0[index]);
+        pass.dispatch(level.count)
+    }
+}
