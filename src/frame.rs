@@ -41,6 +41,8 @@ pub struct Stats {
     pub levels: Vec<(u32, u64, f64)>,
     /// Rays traced.
     pub rays: u64,
+    /// Samples beyond the partition into fragments.
+    pub extra_samples: u64,
     /// Light samples evaluated.
     pub light_evaluations: u64,
     /// Passes that the plan left out, with the reason.

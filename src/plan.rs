@@ -94,8 +94,8 @@ pub const LEVELS: [&str; 2] = ["direct/nodes", "direct/incremental"];
 /// Passes that light fragments by what is seen at coarser ones and beside them.
 pub const INCREMENTAL: [&str; 2] = ["direct/reuse", "direct/interleaved"];
 /// Passes that light fragments by what is seen inside of them.
-pub const SUB_FRAGMENTS: [&str; 4] =
-    ["direct/sub_bits", "direct/sub_gather", "direct/sub_fragments", "direct/stop_guard"];
+pub const SUB_FRAGMENTS: [&str; 5] =
+    ["direct/sub_bits", "direct/sub_gather", "direct/sub_fragments", "direct/stop_guard", "direct/extra_samples"];
 /// Passes that take the fragments' light to the pixels.
 pub const UPSAMPLE: [&str; 4] = ["direct/nearest", "direct/bilinear", "direct/edge_aware", "direct/rbf"];
 /// Where refinement ends early.
@@ -194,6 +194,11 @@ pub fn guards_stops(settings: &Settings) -> bool {
     is_sub_fragment(settings) && settings.is("stop_guard", "bounds") && settings.is("visibility", "ray")
 }
 
+/// Whether large fragments have samples on their borders; only `rbf` makes use of them.
+pub fn adds_extra_samples(settings: &Settings) -> bool {
+    is_sub_fragment(settings) && settings.is("extra_samples", "on") && settings.is("upsample", "rbf")
+}
+
 /// Whether discontinuities of depth or normals split what shadows leave whole.
 pub fn splits_by_geometry(settings: &Settings) -> bool {
     settings.float("depth_threshold").is_some() || settings.float("normal_threshold").is_some()
@@ -256,7 +261,9 @@ impl Plan {
         self.add(&SUB_FRAGMENTS[1..2], direct.or(inside));
         self.add(&SUB_FRAGMENTS[2..3], direct.or(inside).or(unshadowed));
         let unguarded = (!guards_stops(settings)).then_some("stop_guard is off, or visibility is not ray");
-        self.add(&SUB_FRAGMENTS[3..], direct.or(inside).or(unguarded));
+        self.add(&SUB_FRAGMENTS[3..4], direct.or(inside).or(unguarded));
+        let alone = (!adds_extra_samples(settings)).then_some("extra_samples is off, or upsample is not rbf");
+        self.add(&SUB_FRAGMENTS[4..], direct.or(inside).or(alone));
         self.add(&LEVELS[1..], direct.or(at_once));
         let ratio = settings.is("direct_estimator", "ratio");
         let no_sum =

@@ -68,6 +68,12 @@ struct Kept {
 }
 
 impl Kept {
+    /// Samples beyond the fragments.
+    fn extra_samples(&self, gpu: &Gpu) -> Result<u64> {
+        let extras = self.looked.as_ref().and_then(|looked| looked.extras.as_ref());
+        Ok(extras.map(|extras| gpu.read(&extras.count)).transpose()?.map_or(0, |count| u64::from(count[0])))
+    }
+
     /// Texels of a level that incremental refinement looked at.
     fn nodes(&self, level: u32) -> u64 {
         let levels = self.looked.iter().flat_map(|looked| &looked.nodes.levels);
@@ -194,10 +200,11 @@ impl Renderer {
         let active = work.active.map(|active| self.gpu.read(&active)).transpose()?.map_or(0, |a| u64::from(a[0]));
         let mut stats = statistics(&plan, times, started);
         stats.levels.iter_mut().for_each(|(level, nodes, _)| *nodes = kept.nodes(*level));
+        stats.extra_samples = kept.extra_samples(&self.gpu)?;
         let specular_fragments = kept.specular_levels.is_some();
         state.kept = Some(kept);
         stats.rays = work.rays + state.tracer.device_rays(&self.gpu)?;
-        stats.light_evaluations = active * work.samples;
+        stats.light_evaluations = (active + stats.extra_samples) * work.samples;
         stats.rebuilt = rebuilt.into_iter().map(str::to_owned).collect();
         stats.device_bytes = self.gpu.allocated_bytes();
         if plan.runs(DIRECT[1]) && active == 0 {

@@ -329,13 +329,22 @@ pub const SPECS: &[Spec] = &[
         "[KJ16 Eqs. 1 to 3]",
     ),
     choice(
+        "extra_samples",
+        OFF_ON,
+        OFF_ON,
+        "on",
+        "Whether fragments above level 2 have three more samples on their borders; `refine` sub-fragment with `upsample` \
+         rbf only.",
+        "[KJ16 Sec. 3.1.4]",
+    ),
+    choice(
         "stop_guard",
         &["off", "bounds"],
         &["off", "bounds"],
         "bounds",
-        "Whether a fragment above level 2 that sees all or nothing of a light is split unless bounds prove that it does: \
-         something thin may lie between the samples. Off is the paper's rule. `refine` sub-fragment with `visibility` \
-         ray only.",
+        "Whether a fragment above level 2 is split unless bounds prove that it sees all or nothing of each light: something \
+         thin may lie between the samples on which its sub-fragments agree. Off is the paper's rule. `refine` \
+         sub-fragment with `visibility` ray only.",
         "[KJ16 Sec. 3.1.3; HW91]",
     ),
     threshold(

@@ -106,6 +106,7 @@ impl PyFrame {
         dict.set_item("stages", stages)?;
         dict.set_item("readback_ms", 0.0)?;
         dict.set_item("rays", stats.rays)?;
+        dict.set_item("extra_samples", stats.extra_samples)?;
         dict.set_item("light_evaluations", stats.light_evaluations)?;
         dict.set_item("skipped", pairs(&stats.skipped)?)?;
         dict.set_item("empty", pairs(&stats.empty)?)?;

@@ -48,7 +48,8 @@ pub(super) fn check_names(names: &[String]) -> Result<()> {
         None => Ok(()),
         Some(unknown) => Err(Error::Settings(format!(
             "there is no resource {unknown:?} to keep; there are: {}, and with refine=\"incremental\" bits, \
-                 level_causes_L and level_image_L of each level L",
+                 level_causes_L and level_image_L of each level L, with refine=\"sub-fragment\" level_causes_L, \
+                 stable_map and extra_map",
             NAMES.join(", ")
         ))),
     }

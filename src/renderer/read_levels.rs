@@ -6,14 +6,18 @@ use crate::error::{Error, Result};
 use crate::frame::{Image, Pixels, Reason};
 use crate::gpu::Gpu;
 use crate::passes::gather::levels::Looked;
-use crate::plan::is_incremental;
+use crate::plan::{adds_extra_samples, is_by_level, is_incremental, is_sub_fragment};
 use crate::settings::Settings;
 
 /// Bits of a node's state, twins of `shaders/common/fragment.wgsl` and `nodes.wgsl`, strongest reason first.
 const SPLITS: [(u32, Reason); 4] =
-    [(8, Reason::Depth), (16, Reason::Normal), (32, Reason::Illumination), (64, Reason::Visibility)];
+    [(8, Reason::Depth), (16, Reason::Normal), (32, Reason::Illumination), (64 | SKIPS, Reason::Visibility)];
 /// Nodes that lie across an edge are guides: their light is not shown.
 const ROUGH: u32 = 24;
+/// Split together with the node above.
+const SKIPS: u32 = 512;
+/// First of four bits: a sub-fragment does not see the same as those beside it.
+const UNSTABLE: u32 = 16384;
 
 /// What a name asks of the levels.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -21,11 +25,16 @@ enum Asked {
     Causes(u32),
     Light(u32),
     Bits,
+    Stable,
+    Extra,
 }
 
 fn asked(name: &str) -> Option<Asked> {
-    if name == "bits" {
-        return Some(Asked::Bits);
+    match name {
+        "bits" => return Some(Asked::Bits),
+        "stable_map" => return Some(Asked::Stable),
+        "extra_map" => return Some(Asked::Extra),
+        _ => {}
     }
     let level = |rest: &str| rest.parse().ok().filter(|level| *level <= 16);
     let causes = name.strip_prefix("level_causes_").and_then(level).map(Asked::Causes);
@@ -42,9 +51,18 @@ pub(super) fn is_level_name(name: &str) -> bool {
 pub(super) fn check_names(names: &[String], settings: &Settings) -> Result<()> {
     let [finest, coarsest] = ["finest_level", "coarsest_level"].map(|name| settings.int(name));
     for (name, what) in names.iter().filter_map(|name| Some((name, asked(name)?))) {
-        if !is_incremental(settings) {
+        let missing = match what {
+            Asked::Stable if !is_sub_fragment(settings) => Some("refine=\"sub-fragment\""),
+            Asked::Extra if !adds_extra_samples(settings) => {
+                Some("refine=\"sub-fragment\" with extra_samples=\"on\" and upsample=\"rbf\"")
+            }
+            Asked::Causes(_) if !is_by_level(settings) => Some("refine=\"incremental\" or \"sub-fragment\""),
+            Asked::Light(_) | Asked::Bits if !is_incremental(settings) => Some("refine=\"incremental\""),
+            _ => None,
+        };
+        if let Some(allowed) = missing {
             return Err(Error::Settings(format!(
-                "there is no resource {name:?} to keep: refine is not incremental; allowed: refine=\"incremental\""
+                "there is no resource {name:?} to keep with these settings; allowed: {allowed}"
             )));
         }
         held(name, what, finest, coarsest)?;
@@ -69,7 +87,7 @@ impl Kept {
     pub(super) fn levels(&self, gpu: &Gpu, name: &str) -> Result<Image> {
         let Some(looked) = &self.looked else {
             return Err(Error::Settings(format!(
-                "{name:?} is there only with refine=\"incremental\" and a light that reaches something"
+                "{name:?} is there only with fragments that are looked at level by level, and a light that reaches something"
             )));
         };
         let what = asked(name).unwrap_or(Asked::Bits);
@@ -79,6 +97,8 @@ impl Kept {
             Asked::Causes(level) => self.causes(gpu, looked, level),
             Asked::Light(level) => self.light(gpu, looked, level),
             Asked::Bits => self.bits(gpu, looked),
+            Asked::Stable => self.stable(gpu, looked),
+            Asked::Extra => self.extra(gpu, looked),
         }
     }
 
@@ -122,6 +142,40 @@ impl Kept {
             std::array::from_fn::<_, 3, _>(|c| color[c] * light[c] * std::f32::consts::FRAC_1_PI)
         });
         Ok(Image { width: self.view.width, height: self.view.height, pixels: Pixels::Rgb(pixels.collect()) })
+    }
+
+    fn mask(&self, pixels: Vec<bool>) -> Image {
+        Image { width: self.view.width, height: self.view.height, pixels: Pixels::Mask(pixels) }
+    }
+
+    /// Pixels in sub-fragments of the finest test around them that see the same samples of all lights as those beside them
+    /// [KJ16 Fig. 3].
+    fn stable(&self, gpu: &Gpu, looked: &Looked) -> Result<Image> {
+        let (at, rows) = (gpu.read(&looked.nodes.at)?, gpu.read(&looked.nodes.rows)?);
+        let kinds = gpu.read(&self.gbuffer.normal)?;
+        let pyramid = &looked.nodes.pyramid;
+        let agrees = |pixel: usize| {
+            let [x, y] = [pixel as u32 % pyramid.levels[0][0], pixel as u32 / pyramid.levels[0][0]];
+            let tested = (pyramid.finest.max(1)..=pyramid.coarsest).find_map(|l| {
+                let [width, _, first, _] = pyramid.levels[l as usize];
+                let node = at[(first + (y >> l) * width + (x >> l)) as usize].checked_sub(1)?;
+                let part = ((x >> (l - 1)) & 1) | (((y >> (l - 1)) & 1) << 1);
+                Some((rows[node as usize][2], part))
+            });
+            tested.is_some_and(|(state, part)| state & (ROUGH | SKIPS | UNSTABLE << part) == 0)
+        };
+        Ok(self.mask((0..self.view.pixels()).map(|pixel| kinds[pixel][3] == SURFACE && agrees(pixel)).collect()))
+    }
+
+    /// Pixels that are samples beyond the fragments.
+    fn extra(&self, gpu: &Gpu, looked: &Looked) -> Result<Image> {
+        let mut pixels = vec![false; self.view.pixels()];
+        if let Some(extras) = looked.extras.as_ref().filter(|extras| extras.places > 0) {
+            let (points, light) = (gpu.read(&extras.receivers)?, gpu.read(&extras.irradiance)?);
+            let samples = points.iter().zip(&light).take(extras.places).filter(|(_, light)| light[3] > 0.0);
+            samples.for_each(|(point, _)| pixels[point.pixel as usize] = true);
+        }
+        Ok(self.mask(pixels))
     }
 
     /// For each pixel the words of the samples that its fragment sees, light after light; zeros where there is none.

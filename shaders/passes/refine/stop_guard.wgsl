@@ -1,7 +1,7 @@
-// Guard of the stops of sub-fragment tests [KJ16 Sec. 3.1.3: what sees nothing is not refined]: that no sample is seen, or that
-// all are, proves nothing, because something thin may lie between the samples (N20). Unless bounds prove it of each of its
-// tiles, a node above level 2 that sees all or nothing of a light is split all the same, and one below asks all samples.
-// In: bits of the sub-fragments, tile_flags. In and out: node_rows.
+// Guard of the stops of sub-fragment tests [KJ16 Sec. 3.1.3: what sees nothing is not refined]: that all sub-fragments see the
+// same samples proves nothing, because something thin may lie between the samples (N20). Unless bounds prove of each of its tiles
+// that it sees all or nothing of a light, a node above level 2 is split all the same, and one below asks all samples.
+// In: tile_flags. In and out: node_rows.
 
 import package::common::grid::{Grid, item_index};
 import package::common::light_frame::{DARK, FACING, LIT};
@@ -11,15 +11,14 @@ import package::common::tiles::TILE;
 
 struct StopGuardParams {
     first: u32,         // node of the first item
-    words: u32,         // of bits a sub-fragment
     pad0: u32,
     pad1: u32,
+    pad2: u32,
 }
 
 @group(0) @binding(30) var<uniform> grid: Grid;
 @group(0) @binding(0) var<uniform> params: StopGuardParams;
-@group(0) @binding(1) var<storage, read> sub_bits: array<u32>;
-@group(0) @binding(2) var<storage, read> tile_flags: array<u32>;
+@group(0) @binding(1) var<storage, read> tile_flags: array<u32>;
 
 // Level of a tile.
 const TILE_LEVEL: u32 = 3u;
@@ -51,16 +50,8 @@ fn main(
         return;
     }
     let row = node_rows[params.first + i];
-    var both = vec2u(0u);
-    for (var unit = 4u * i; unit < 4u * i + 4u; unit++) {
-        for (var word = 0u; word < params.words; word++) {
-            let at = 2u * unit * params.words + word;
-            both += countOneBits(vec2u(sub_bits[at], sub_bits[at + params.words]));
-        }
-    }
-    let stops = (row.z & SPLIT) == 0u && both.x > 0u && (both.y == 0u || both.y == both.x);
     let size = pyramid.levels[pyramid.level];
-    if stops && is_open(texel_of(size, row.x - size.z)) {
+    if (row.z & SPLIT) == 0u && is_open(texel_of(size, row.x - size.z)) {
         node_rows[params.first + i].z |= select(OPEN, CHANGES, pyramid.level >= TILE_LEVEL && pyramid.level > pyramid.finest);
     }
 }

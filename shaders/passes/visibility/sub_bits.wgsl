@@ -1,6 +1,6 @@
 // Visibility bits of sub-fragments and of pixels: what to ask, and what is known then. A pixel asks all sets of samples; of the
 // set that its node above asked right there the answers are taken from it [KJ16 Sec. 3.1.2: bits are used again].
-//   ask_subs    samples that face each sub-fragment: all of them are asked
+//   ask_all     samples that face each sub-fragment, or any other point: all of them are asked
 //   ask_own     where a node is left whole and in doubt, each of its sub-fragments but one asks another set, so that the node
 //               is lit by all samples [Deviation: the text has 16 samples and each four times]
 //   ask_pixels  samples that face each pixel: those are asked that the node above did not ask
@@ -24,7 +24,7 @@ import package::common::receiver::INACTIVE;
 @group(0) @binding(6) var<storage, read_write> own_receivers: array<Receiver>;
 
 @compute @workgroup_size(64)
-fn ask_subs(
+fn ask_all(
     @builtin(workgroup_id) group: vec3u,
     @builtin(num_workgroups) groups: vec3u,
     @builtin(local_invocation_index) lane: u32,

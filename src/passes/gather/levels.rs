@@ -5,6 +5,7 @@ use super::{Direct, interleaved};
 use crate::error::{Error, Result};
 use crate::gpu::Buffer;
 use crate::passes::lights::light_samples::{self, LightSamples};
+use crate::passes::refine::extra_samples::Extras;
 use crate::passes::refine::nodes::{Level, Nodes, NodesParams};
 use crate::passes::refine::pyramid::Texels;
 use crate::passes::refine::{incremental, one_pass};
@@ -27,8 +28,10 @@ pub struct NodeBits {
 pub struct Looked {
     /// The nodes.
     pub nodes: Nodes,
-    /// Light by light; none where everything is seen.
+    /// Light by light; none where everything is seen, nor of sub-fragments.
     pub bits: Vec<NodeBits>,
+    /// Samples beyond the fragments, where there are some.
+    pub extras: Option<Extras>,
 }
 
 /// What stays the same from level to level.
@@ -170,7 +173,10 @@ impl Work<'_> {
     /// # Errors
     /// Those of the device.
     pub fn finish(self, context: &mut Context<'_, '_>, nodes: Nodes) -> Result<Direct> {
-        let fragments = incremental::choose(context, self.gbuffer, &nodes, self.texels.clone(), &self.state)?;
+        let mut fragments = incremental::choose(context, self.gbuffer, &nodes, self.texels.clone(), &self.state)?;
+        if plan::adds_extra_samples(context.settings) {
+            fragments.extras = Some(super::sub_fragments::extras(&self, context, &fragments)?);
+        }
         let irradiance = upsample::record(context, self.gbuffer, &fragments, &nodes.irradiance)?;
         if nodes.pyramid.finest > 0 {
             upsample::bilateral::record(context, self.gbuffer, &fragments, &nodes, &irradiance)?;
@@ -198,7 +204,7 @@ impl Work<'_> {
             specular: None,
             specular_levels: None,
             proven: Vec::new(),
-            looked: Some(Looked { nodes, bits }),
+            looked: Some(Looked { nodes, bits, extras: fragments.extras }),
         })
     }
 }

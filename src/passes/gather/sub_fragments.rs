@@ -3,11 +3,13 @@
 
 use super::Direct;
 use super::levels::{self, Work};
-use super::sub_gather;
+use super::sub_gather::{self, Lit};
 use crate::error::{Error, Result};
 use crate::gpu::Buffer;
 use crate::passes::lights::light_samples::LightSamples;
+use crate::passes::refine::extra_samples::{self, Extras};
 use crate::passes::refine::nodes::{Level, Nodes};
+use crate::passes::refine::one_pass::Fragments;
 use crate::passes::refine::stop_guard::Proofs;
 use crate::passes::refine::sub_fragments::{self, SUBS};
 use crate::passes::visibility::Receiver;
@@ -63,9 +65,9 @@ fn add_level(
         sub_fragments::points(context, work.gbuffer, nodes, level, &work.state, &receivers)?;
     }
     for (index, light) in work.lights.iter().enumerate() {
-        let Some(bits) = test_light(work, context, nodes, level, light, &receivers)? else { continue };
+        test_light(work, context, nodes, level, light, &receivers)?;
         if let Some(proofs) = proofs {
-            proofs.guard(context, nodes, level, index, (&bits, light.shadow_light().words()))?;
+            proofs.guard(context, nodes, level, index)?;
         }
     }
     work.lights.iter().try_for_each(|light| light_nodes(work, context, nodes, level, light, &receivers))
@@ -79,21 +81,20 @@ fn test_light(
     level: Level,
     light: &LightSamples,
     receivers: &Buffer<Receiver>,
-) -> Result<Option<Buffer<u32>>> {
+) -> Result<()> {
     if !work.occlusion.asks() {
-        return Ok(None);
+        return Ok(());
     }
     let shadow = light.shadow_light();
     let (words, points) = (shadow.words(), SUBS * level.count);
     let bits = context.resources.buffer(&bits_name(light), 2 * words * points)?;
     let asked = context.resources.buffer("asked", words * points)?;
     let sub_bits = SubBits { light, shadow, level, bits: &bits, asked: &asked };
-    sub_bits.ask_subs(context, receivers)?;
+    sub_bits.ask_all(context, receivers, points)?;
     work.occlusion.ask(context, work.occlusion.stage(), receivers, &shadow, &asked, 0..points, true)?;
     sub_bits.take(context, 0, points)?;
     let least = levels::least_bits(context, light).unwrap_or(u32::MAX);
-    sub_fragments::test(context, nodes, level, &bits, [words as u32, least])?;
-    Ok(Some(bits))
+    sub_fragments::test(context, nodes, level, &bits, [words as u32, least])
 }
 
 /// Adds a light to the nodes of a level that are left whole.
@@ -106,7 +107,7 @@ fn light_nodes(
     receivers: &Buffer<Receiver>,
 ) -> Result<()> {
     if !work.occlusion.asks() {
-        return sub_gather::record(context, nodes, level, light, None);
+        return sub_gather::record(context, Lit::nodes(nodes, level), Some(nodes), light, None);
     }
     let shadow = light.shadow_light();
     let (words, points) = (shadow.words(), SUBS * level.count);
@@ -119,7 +120,7 @@ fn light_nodes(
         work.occlusion.ask(context, work.occlusion.stage(), &own, &shadow, &asked, 0..points, true)?;
         sub_bits.take(context, 0, points)?;
     }
-    sub_gather::record(context, nodes, level, light, Some((&bits, words)))
+    sub_gather::record(context, Lit::nodes(nodes, level), Some(nodes), light, Some((&bits, words)))
 }
 
 /// Pixels ask all samples, but those that were asked right there before.
@@ -131,22 +132,52 @@ fn light_pixels(
     light: &LightSamples,
     above: Option<Level>,
 ) -> Result<()> {
-    if !work.occlusion.asks() {
-        return sub_gather::record(context, nodes, level, light, None);
-    }
-    let shadow = ShadowLight { strata: light.strata * light.classes, ..light.shadow_light() };
-    let words = shadow.words();
-    let end = level.first + level.count;
-    let bits = context.resources.buffer("pixel_bits", 2 * words * level.count)?;
-    let asked = context.resources.buffer("asked", words * end)?;
     let parts = SUBS * above.map_or(1, |above| above.count);
     let sub_bits = context.resources.buffer(&bits_name(light), 2 * light.shadow_light().words() * parts)?;
-    let pixel_bits = SubBits { light, shadow, level, bits: &bits, asked: &asked };
-    pixel_bits.ask_pixels(context, nodes, above, &sub_bits)?;
-    let (stage, range) = (work.occlusion.stage(), level.first..end);
-    work.occlusion.ask(context, stage, &nodes.receivers, &shadow, &asked, range, true)?;
-    pixel_bits.take(context, level.first, level.count)?;
-    sub_gather::record(context, nodes, level, light, Some((&bits, words)))
+    light_points(work, context, Lit::nodes(nodes, level), light, |context, points| {
+        points.ask_pixels(context, nodes, above, &sub_bits)
+    })
+}
+
+/// Points that see for themselves ask what `ask` wants to know, and are lit by what they see.
+fn light_points(
+    work: &Work<'_>,
+    context: &mut Context<'_, '_>,
+    lit: Lit<'_>,
+    light: &LightSamples,
+    ask: impl Fn(&mut Context<'_, '_>, &SubBits<'_>) -> Result<()>,
+) -> Result<()> {
+    if !work.occlusion.asks() {
+        return sub_gather::record(context, lit, None, light, None);
+    }
+    let (level, shadow) = (lit.level, ShadowLight { strata: light.strata * light.classes, ..light.shadow_light() });
+    let (words, range) = (shadow.words(), level.first..level.first + level.count);
+    let bits = context.resources.buffer("pixel_bits", 2 * words * level.count)?;
+    let asked = context.resources.buffer("asked", words * range.end)?;
+    let points = SubBits { light, shadow, level, bits: &bits, asked: &asked };
+    ask(context, &points)?;
+    work.occlusion.ask(context, work.occlusion.stage(), lit.receivers, &shadow, &asked, range, true)?;
+    points.take(context, level.first, level.count)?;
+    sub_gather::record(context, lit, None, light, Some((&bits, words)))
+}
+
+/// Extra samples of the large fragments, and their light.
+///
+/// # Errors
+/// Those of the device; `Cancelled`.
+pub fn extras(work: &Work<'_>, context: &mut Context<'_, '_>, fragments: &Fragments) -> Result<Extras> {
+    let extras = extra_samples::record(context, work.gbuffer, fragments)?;
+    if extras.places > 0 {
+        let level = Level { level: 0, first: 0, count: extras.places };
+        let lit = Lit { receivers: &extras.receivers, irradiance: &extras.irradiance, level };
+        for light in &work.lights {
+            let ask = |context: &mut Context<'_, '_>, points: &SubBits<'_>| {
+                points.ask_all(context, lit.receivers, extras.places)
+            };
+            light_points(work, context, lit, light, ask)?;
+        }
+    }
+    Ok(extras)
 }
 
 /// Bits of the sub-fragments of one level.

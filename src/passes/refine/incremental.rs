@@ -103,6 +103,7 @@ pub fn choose(
         reason_map: context.resources.buffer("reason_map", pixels)?,
         at: context.resources.buffer("fragment_at", nodes.pyramid.texels())?,
         texels,
+        extras: None,
     };
     context.recorder.clear(&fragments.at)?;
     let kernel = context.kernel("refine/incremental", "choose")?;

@@ -3,6 +3,7 @@
 pub mod cell_rays;
 pub mod cells;
 pub mod compact;
+pub mod extra_samples;
 pub mod incremental;
 pub mod light_bounds;
 pub mod list_params;

@@ -5,6 +5,7 @@ use bytemuck::{Pod, Zeroable};
 use crate::error::{Error, Result};
 use crate::gpu::{Buffer, Usage};
 use crate::passes::refine::compact;
+use crate::passes::refine::extra_samples::Extras;
 use crate::passes::refine::pyramid::{self, Pyramid, Texels};
 use crate::passes::{Context, GBuffer};
 use crate::settings::Settings;
@@ -66,6 +67,8 @@ pub struct Fragments {
     pub reason_map: Buffer<u32>,
     /// A texel: 0 no fragment, 1 + its number in the list of their values, `u32::MAX` culled.
     pub at: Buffer<u32>,
+    /// Samples beside those of the fragments.
+    pub extras: Option<Extras>,
 }
 
 /// Fragments in a list of their own.
@@ -163,6 +166,7 @@ pub fn choose(
             reason_map: pool.buffer(&name("reason_map"), pixels)?,
             at: pool.buffer(&name("fragment_at"), pyramid.texels())?,
             texels,
+            extras: None,
         },
     };
     let fragments = &listed.fragments;

@@ -15,12 +15,12 @@ use crate::passes::{Context, GBuffer};
 pub struct StopGuardParams {
     /// First node of the level.
     pub first: u32,
-    /// Words of bits a sub-fragment.
-    pub words: u32,
     /// Unused.
     pub pad0: u32,
     /// Unused.
     pub pad1: u32,
+    /// Unused.
+    pub pad2: u32,
 }
 
 /// What is proven of each tile, light by light.
@@ -48,24 +48,17 @@ impl Proofs {
         Ok(Self(all))
     }
 
-    /// Splits nodes of a level that see all or nothing of light number `index` of the list without a proof, or, where they are
-    /// small, marks them.
+    /// Splits nodes of a level of which nothing is proven for light number `index` of the list, or, where they are small,
+    /// marks them.
     ///
     /// # Errors
     /// Those of the device.
-    pub fn guard(
-        &self,
-        context: &mut Context<'_, '_>,
-        nodes: &Nodes,
-        level: Level,
-        index: usize,
-        (bits, words): (&Buffer<u32>, usize),
-    ) -> Result<()> {
-        let params = StopGuardParams { first: level.first as u32, words: words as u32, pad0: 0, pad1: 0 };
+    pub fn guard(&self, context: &mut Context<'_, '_>, nodes: &Nodes, level: Level, index: usize) -> Result<()> {
+        let params = StopGuardParams { first: level.first as u32, pad0: 0, pad1: 0, pad2: 0 };
         let kernel = context.kernel("refine/stop_guard", "main")?;
         let pyramid = nodes.pyramid.at(level.level);
         let pass = context.recorder.pass("stop_guard", &kernel).uniform("params", &params).uniform("pyramid", &pyramid);
-        let pass = pass.bind("node_rows", &nodes.rows).bind("sub_bits", bits).bind("tile_flags", &self.0[index]);
+        let pass = pass.bind("node_rows", &nodes.rows).bind("tile_flags", &self.0[index]);
         pass.dispatch(level.count)
     }
 }

@@ -8,7 +8,6 @@ use crate::gpu::Buffer;
 use crate::passes::Context;
 use crate::passes::lights::light_samples::LightSamples;
 use crate::passes::refine::nodes::{Level, Nodes};
-use crate::passes::refine::sub_fragments::SUBS;
 
 /// What a list of shading points asks of a light.
 pub struct SubBits<'s> {
@@ -31,16 +30,16 @@ impl SubBits<'_> {
         ReuseParams { together: together.into(), ..params }
     }
 
-    /// Sub-fragments ask all that faces them.
+    /// So many points ask all that faces them.
     ///
     /// # Errors
     /// Those of the device.
-    pub fn ask_subs(&self, context: &mut Context<'_, '_>, receivers: &Buffer<Receiver>) -> Result<()> {
+    pub fn ask_all(&self, context: &mut Context<'_, '_>, receivers: &Buffer<Receiver>, points: usize) -> Result<()> {
         let params = self.params(context);
-        let kernel = context.kernel("visibility/sub_bits", "ask_subs")?;
+        let kernel = context.kernel("visibility/sub_bits", "ask_all")?;
         let pass = context.recorder.pass("sub_bits", &kernel).uniform("params", &params);
         let pass = pass.bind("points", &self.light.points).bind("receivers", receivers);
-        pass.bind("bits", self.bits).bind("asked", self.asked).dispatch(SUBS * self.level.count)
+        pass.bind("bits", self.bits).bind("asked", self.asked).dispatch(points)
     }
 
     /// Sub-fragments of nodes that are left whole and in doubt ask the sets that none has asked: from now on `receivers`
