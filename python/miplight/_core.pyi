@@ -139,6 +139,7 @@ class KernelRunner:
         threads: int,
         groups: bool = False,
         text: str | None = None,
+        constants: dict[str, float] | None = None,
     ) -> dict[str, NDArray[np.uint8]]: ...
 
 def adapters() -> list[dict[str, Any]]: ...

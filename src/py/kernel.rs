@@ -1,5 +1,7 @@
 //! One shader on given data: how the tests compare each pass with its numpy reference.
 
+use std::collections::HashMap;
+
 use numpy::{IntoPyArray, PyArray1, PyReadonlyArray1};
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
@@ -21,18 +23,20 @@ fn words(name: &str, bytes: &[u8]) -> Result<Vec<u32>> {
     Ok(bytemuck::pod_collect_to_vec(bytes))
 }
 
+type Constants = Vec<(String, f64)>;
+
 fn run(
     gpu: &Gpu,
-    stem: &str,
-    text: Option<&str>,
-    entry: &str,
+    (stem, text, entry): (&str, Option<&str>, &str),
+    constants: &Constants,
     inputs: &Bytes,
     threads: usize,
     groups: bool,
 ) -> Result<Bytes> {
+    let constants: Vec<(&str, f64)> = constants.iter().map(|(name, value)| (name.as_str(), *value)).collect();
     let kernel = match text {
-        Some(text) => gpu.kernel_from_text(stem, text, entry, &[])?,
-        None => gpu.kernel(stem, entry, &[])?,
+        Some(text) => gpu.kernel_from_text(stem, text, entry, &constants)?,
+        None => gpu.kernel(stem, entry, &constants)?,
     };
     let mut buffers: Vec<(String, Buffer<u32>, bool)> = Vec::new();
     for (name, bytes) in inputs {
@@ -72,8 +76,8 @@ impl PyKernelRunner {
     /// workgroups if `groups`.
     ///
     /// `inputs`: for each binding (n,) uint8, the bytes as the shader sees them. Returns the bytes of the bindings that
-    /// the shader may write. Raises ShaderError or DeviceError.
-    #[pyo3(signature = (stem, entry, inputs, threads, groups=false, text=None))]
+    /// the shader may write. `constants` sets override constants. Raises ShaderError or DeviceError.
+    #[pyo3(signature = (stem, entry, inputs, threads, groups=false, text=None, constants=None))]
     #[allow(clippy::too_many_arguments, reason = "they are what a shader needs, by keyword")]
     fn run<'py>(
         &self,
@@ -84,13 +88,15 @@ impl PyKernelRunner {
         threads: usize,
         groups: bool,
         text: Option<&str>,
+        constants: Option<HashMap<String, f64>>,
     ) -> PyResult<Bound<'py, PyDict>> {
+        let constants: Constants = constants.unwrap_or_default().into_iter().collect();
         let mut bytes = Bytes::new();
         for (name, value) in inputs {
             let array: PyReadonlyArray1<'_, u8> = value.extract()?;
             bytes.push((name.extract()?, array.as_array().to_vec()));
         }
-        let outputs = raise(py, py.detach(|| run(&self.0, stem, text, entry, &bytes, threads, groups)))?;
+        let outputs = raise(py, py.detach(|| run(&self.0, (stem, text, entry), &constants, &bytes, threads, groups)))?;
         let dict = PyDict::new(py);
         for (name, bytes) in outputs {
             let array: Bound<'py, PyArray1<u8>> = bytes.into_pyarray(py);

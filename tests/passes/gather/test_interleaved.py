@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import dataclasses
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -18,7 +17,6 @@ from tests.passes.reference.run import ULP, Runner, assert_not_within, assert_wi
 from tests.passes.reference.structs import INTERLEAVED, record
 
 STEM = "passes/gather/interleaved"
-SHADER = Path(__file__).resolve().parents[3] / "shaders" / f"{STEM}.wgsl"
 MOST_APART = 0.2
 PATTERNS = 3
 Array = NDArray[np.float64]
@@ -46,15 +44,17 @@ class Scene:
         return self.tree.receivers(PATTERNS, self.classes)
 
 
-def _scene(
+def scene(
     rng: np.random.Generator,
     strata: int,
     classes: int,
     kind: str = "one-sided",
     traced: bool = True,
     size: tuple[int, int] = (37, 21),
+    split: float = 0.8,
 ) -> Scene:
-    tree = random_tree(rng, size, 3, split=0.8)
+    """Nodes on a bumpy surface, and a light beside the camera."""
+    tree = random_tree(rng, size, 3, split=split)
     v = {name: tree.view[name][0].astype(np.float64) for name in ("eye", "right", "up", "backward")}
     corner = v["eye"] - 1.2 * v["backward"] + 0.8 * v["right"]
     everything = strata * classes
@@ -145,16 +145,11 @@ def gather(
         two_sided=spot or s.light.two_sided,
         **{"row": 1, **more},
     )
-    text = (
-        None
-        if grid is None
-        else SHADER.read_text().replace("override GRID: bool = false", "const GRID = true")
-    )
     points = np.full_like(s.points, 9) if grid else s.points
     out = runner(
         STEM,
         count,
-        text=text,
+        constants={"GRID": float(grid is not None)},
         params=params,
         pyramid=pyramid_record(s.tree.view, s.tree.coarsest, s.tree.finest, level),
         node_rows=s.tree.rows(),
@@ -174,7 +169,7 @@ def gather(
 def test_irradiance_agrees_with_the_loops(
     runner: Runner, rng: np.random.Generator, kind: str, traced: bool, strata: int, classes: int
 ) -> None:
-    s = _scene(rng, strata, classes, kind, traced)
+    s = scene(rng, strata, classes, kind, traced)
     lit = 0.0
     for level in range(3, -1, -1):
         first, count = s.tree.levels[level]
@@ -200,7 +195,7 @@ def test_middles_of_strata_need_no_table(
     runner: Runner, rng: np.random.Generator, kind: str, grid: tuple[int, int]
 ) -> None:
     """Samples of one pattern, in the middle of their strata, are where the light's edges say."""
-    s = _scene(rng, grid[0] * grid[1] // 4, 4, kind)
+    s = scene(rng, grid[0] * grid[1] // 4, 4, kind)
     assert isinstance(s.light, Area)
     rows, columns = np.divmod(np.arange(s.strata), grid[0] // 2)
     cells = [(2 * columns + set_ % 2, 2 * rows + set_ // 2) for set_ in range(4)]
@@ -220,7 +215,7 @@ def test_middles_of_strata_need_no_table(
 
 def test_what_is_shared_matters(runner: Runner, rng: np.random.Generator) -> None:
     """Negative control: with neighbours' bits, positions or sets exchanged the sums are others."""
-    s = _scene(rng, 32, 4)
+    s = scene(rng, 32, 4)
     level = 1
     first, count = s.tree.levels[level]
     found = gather(runner, s, level, np.zeros((s.tree.end, 4), np.float32))[first : first + count, :3]
@@ -240,7 +235,7 @@ def test_what_is_shared_matters(runner: Runner, rng: np.random.Generator) -> Non
 
 def test_all_sets_count_alike(runner: Runner, rng: np.random.Generator) -> None:
     """Where the neighbours agree, interleaved samples give what all samples asked at each node give."""
-    s = _scene(rng, 16, 4)
+    s = scene(rng, 16, 4)
     assert s.bits is not None
     s.bits = Bits(s.bits.known | True, s.bits.seen | True)
     bare = dataclasses.replace(s, bits=None)

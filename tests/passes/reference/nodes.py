@@ -20,7 +20,8 @@ Words = NDArray[np.uint32]
 Flags = NDArray[np.bool_]
 DIFFERS, CHANGES = 32, 64
 ROUGH = ROUGH_DEPTH | ROUGH_NORMAL
-SPLIT = ROUGH | DIFFERS | CHANGES
+SKIPS, AGAIN, UNSTABLE, OPEN = 512, 1024, 1 << 14, 1 << 18
+SPLIT = ROUGH | DIFFERS | CHANGES | SKIPS
 NO_PARENT = 0xFFFFFFFF
 ALIGN = 64
 STEEPEST, MOST_TURNED = 0.5, 0.7
@@ -39,6 +40,11 @@ class Node:
     marks: int = 0
 
     @property
+    def part(self) -> int:
+        """Which of the four below its parent it is."""
+        return self.column % 2 + 2 * (self.row % 2)
+
+    @property
     def split(self) -> bool:
         """Whether its children are looked at."""
         return bool((self.rough | self.marks) & SPLIT)
@@ -46,7 +52,7 @@ class Node:
     @property
     def set(self) -> int:
         """Which of the 2 × 2 interleaved sets of samples it asks [NPW10 Sec. 3.3.2]."""
-        return self.column % 2 + 2 * (self.row % 2)
+        return self.part
 
 
 @dataclasses.dataclass
@@ -114,6 +120,9 @@ class Tree:
             rough = int(self.states[level][row, column]) & ROUGH if level > self.finest else 0
             pixel = middle_pixel(self.view, self.g, self.block(level, row, column))
             self.nodes[number] = Node(level, row, column, pixel, rough, parent)
+            again = parent != NO_PARENT and self.nodes[parent].marks & (AGAIN << self.nodes[number].part)
+            if again and level > self.finest:
+                self.nodes[number].rough |= SKIPS
             self.at[level, row, column] = number
         self.levels[level] = first, len(made)
 
@@ -200,9 +209,17 @@ def alike(one: Any, other: Any) -> bool:
 
 
 def random_tree(
-    rng: np.random.Generator, size: tuple[int, int], coarsest: int, finest: int = 0, split: float = 0.4
+    rng: np.random.Generator,
+    size: tuple[int, int],
+    coarsest: int,
+    finest: int = 0,
+    split: float = 0.4,
+    again: bool = False,
 ) -> Tree:
-    """A bumpy surface, patches of it unlit, and nodes that are split at random; gaps between the levels."""
+    """A bumpy surface, patches of it unlit, and nodes that are split at random; gaps between the levels.
+
+    `again`: some are split together with sub-fragments of theirs.
+    """
     view = random_view(rng, *size)
     g = wavy_gbuffer(rng, view, holes=0.05, step=0.5)
     dark = rng.choice([LIT, LIT, LIT, FACES_AWAY, LIES_BEHIND], (size[1] // 5 + 1, size[0] // 5 + 1))
@@ -217,6 +234,7 @@ def random_tree(
         for _, node in tree.of(level):
             if level > finest and not node.rough and rng.uniform() < split:
                 node.marks = int(rng.choice([DIFFERS, CHANGES, DIFFERS | CHANGES]))
+                node.marks |= int(rng.integers(0, 16)) * AGAIN if again else 0
         first = -(-tree.end // ALIGN) * ALIGN
     return tree
 

@@ -52,6 +52,7 @@ class Runner:
         entry: str = "main",
         groups: bool = False,
         text: str | None = None,
+        constants: dict[str, float] | None = None,
         **arrays: NDArray[Any],
     ) -> dict[str, NDArray[np.uint8]]:
         """Run `entry` of shaders/<stem>.wgsl; returns the bytes of every binding that it may write.
@@ -61,7 +62,7 @@ class Runner:
         given = {name: as_bytes(array) for name, array in arrays.items()}
         spare = {name: _spare(array) for name, array in arrays.items() if name not in UNIFORMS}
         longer = {name: np.concatenate([whole, spare.get(name, whole[:0])]) for name, whole in given.items()}
-        out = self._core.run(stem, entry, longer, threads, groups, text)
+        out = self._core.run(stem, entry, longer, threads, groups, text, constants)
         for name, whole in out.items():
             assert (whole[len(given[name]) :] == spare[name]).all(), f"{stem} wrote beyond the end of {name}"
         return {name: whole[: len(given[name])] for name, whole in out.items()}

@@ -192,7 +192,7 @@ PENUMBRA = np.dtype(
 UNIFORM_LEVELS = np.dtype(
     _fields("width", "height", "slot", "coarsest", "own_pixels", "again", "last", "pad")
 )
-NODES = np.dtype(_fields("base", "parents", "patterns", "classes", "seed", "pad0", "pad1", "pad2"))
+NODES = np.dtype(_fields("base", "parents", "patterns", "classes", "seed", "inherit", "pad1", "pad2"))
 REUSE = np.dtype(
     [
         ("light_normal", "<f4", 3),
@@ -201,13 +201,18 @@ REUSE = np.dtype(
         ("cos_cutoff", "<f4"),
         *_fields("first", "strata", "words", "reuse"),
         ("corner", "<f4", 3),
-        *_fields("pad0"),
+        *_fields("classes"),
         ("edge_u", "<f4", 3),
-        *_fields("pad1"),
+        *_fields("together"),
         ("edge_v", "<f4", 3),
-        *_fields("pad2"),
+        *_fields("above"),
     ]
 )
+SUB_FRAGMENTS = np.dtype(
+    _fields("first", "classes", "together", "words", "least_bits", "most_apart", "counts", "pad")
+)
+STOP_GUARD = np.dtype(_fields("first", "pad0", "pad1", "pad2"))
+EXTRA_SAMPLES = np.dtype(_fields("patterns", "seed", "pad0", "pad1"))
 RBF = np.dtype(_fields("samples", "pad0", "pad1", "pad2"))
 INTERLEAVED = np.dtype(
     [

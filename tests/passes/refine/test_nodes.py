@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from tests.passes.reference.nodes import Tree, random_tree
+from tests.passes.reference.nodes import SKIPS, Tree, random_tree
 from tests.passes.reference.pyramids import pyramid_record
 from tests.passes.reference.run import ULP, Runner, assert_not_within, assert_within, read
 from tests.passes.reference.structs import NODES, RECEIVER, record
@@ -27,10 +27,12 @@ CASES = [
 ]
 
 
-def _params(tree: Tree, level: int, classes: int) -> NDArray[Any]:
+def _params(tree: Tree, level: int, classes: int, inherit: bool = False) -> NDArray[Any]:
     base = tree.levels[level][0]
     parents = tree.levels[level + 1][0] if level < tree.coarsest else 0
-    return record(NODES, base=base, parents=parents, patterns=PATTERNS, classes=classes, seed=SEED)
+    return record(
+        NODES, base=base, parents=parents, patterns=PATTERNS, classes=classes, seed=SEED, inherit=inherit
+    )
 
 
 def _flags(runner: Runner, tree: Tree, level: int) -> NDArray[np.uint32]:
@@ -47,20 +49,20 @@ def _flags(runner: Runner, tree: Tree, level: int) -> NDArray[np.uint32]:
 
 
 def _write(
-    runner: Runner, tree: Tree, level: int, classes: int
+    runner: Runner, tree: Tree, level: int, classes: int, above: NDArray[Any] | None = None
 ) -> tuple[NDArray[np.uint32], NDArray[np.uint32], NDArray[Any]]:
     """Rows, nodes of texels and shading points after this level, those above it given."""
     wanted = np.flatnonzero(tree.wanted(level)).astype(np.uint32)
     out = runner(
         STEM,
         len(wanted),
-        params=_params(tree, level, classes),
+        params=_params(tree, level, classes, above is not None),
         pyramid=pyramid_record(tree.view, tree.coarsest, tree.finest, level),
         texel_state=tree.state_words(),
         node_list=wanted,
         node_rows=tree.rows(level + 1),
         node_at=tree.at_words(level + 1),
-        node_receivers=np.zeros(tree.end, RECEIVER),
+        node_receivers=np.zeros(tree.end, RECEIVER) if above is None else above,
         **tree.g.rows(),
     )
     rows = read(out, "node_rows", np.uint32, tree.end, 4)
@@ -71,7 +73,7 @@ def _write(
 def test_nodes_are_what_light_may_reach_below_what_was_split(
     runner: Runner, rng: np.random.Generator, size: tuple[int, int], coarsest: int, finest: int
 ) -> None:
-    tree = random_tree(rng, size, coarsest, finest)
+    tree = random_tree(rng, size, coarsest, finest, again=True)
     for level in range(coarsest, finest - 1, -1):
         if not tree.candidates(level):
             continue
@@ -119,6 +121,34 @@ def test_rows_and_shading_points_of_nodes(
             assert_not_within(receivers[own]["origin"], np.roll(origin, 1, 0), 2 * ULP * np.abs(origin))
             assert (rows[own] != np.roll(tree.rows(level), 1, 0)[own]).any()
         assert set(receivers[own]["pattern"] % classes) <= set(range(classes))
+
+
+def test_what_is_split_again_is_split_with_its_parent(runner: Runner, rng: np.random.Generator) -> None:
+    tree = random_tree(rng, (70, 45), 4, again=True)
+    skipped = 0
+    for level in range(4, -1, -1):
+        first, count = tree.levels[level]
+        rows = _write(runner, tree, level, 1)[0][first : first + count]
+        assert (rows == tree.rows(level, marks=False)[first : first + count]).all()
+        skips = [bool(row[2] & SKIPS) for row in rows]
+        assert level > 0 or not any(skips), "there is nothing below pixels"
+        skipped += sum(skips)
+        if any(skips):
+            tree.nodes[first + skips.index(True)].rough ^= SKIPS
+            assert (rows != tree.rows(level, marks=False)[first : first + count]).any(), "negative control"
+            tree.nodes[first + skips.index(True)].rough ^= SKIPS
+    assert skipped > 20
+
+
+def test_pixels_use_the_points_of_the_node_above(runner: Runner, rng: np.random.Generator) -> None:
+    tree = random_tree(rng, (33, 18), 2)
+    above = np.zeros(tree.end, RECEIVER)
+    above["pattern"] = 1000 + np.arange(tree.end)
+    for level in (1, 0):
+        own = np.arange(tree.levels[level][0], sum(tree.levels[level]))
+        patterns = _write(runner, tree, level, 1, above)[2]["pattern"][own]
+        parents = np.array([tree.nodes[number].parent for number in own.tolist()])
+        assert (patterns == 1000 + parents).all() == (level == 0)
 
 
 def test_two_by_two_neighbours_ask_all_four_sets(runner: Runner, rng: np.random.Generator) -> None:

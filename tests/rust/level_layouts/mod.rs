@@ -8,23 +8,33 @@ use miplight::passes::lobes::lobe_gather::LobeGatherParams;
 use miplight::passes::lobes::lobe_levels::LobeLevelsParams;
 use miplight::passes::lobes::lobe_points::LobePointsParams;
 use miplight::passes::lobes::lobe_visible::LobeVisibleParams;
+use miplight::passes::refine::extra_samples::ExtraSamplesParams;
 use miplight::passes::refine::incremental::IncrementalParams;
 use miplight::passes::refine::nodes::NodesParams;
+use miplight::passes::refine::stop_guard::StopGuardParams;
+use miplight::passes::refine::sub_fragments::SubFragmentsParams;
 use miplight::passes::specular::LobeLight;
 use miplight::passes::upsample::rbf::RbfParams;
 use miplight::passes::visibility::reuse::ReuseParams;
 
 /// Twins by their place in the shaders.
 pub(crate) fn twins() -> Vec<(Layout, &'static str, &'static str)> {
-    let nodes = host_layout!(NodesParams { base, parents, patterns, classes, seed, pad0, pad1, pad2 });
+    let nodes = host_layout!(NodesParams { base, parents, patterns, classes, seed, inherit, pad1, pad2 });
     let incremental = host_layout!(IncrementalParams { first, count, words, least_bits, threshold, pad0, pad1, pad2 });
+    let subs =
+        host_layout!(SubFragmentsParams { first, classes, together, words, least_bits, most_apart, counts, pad });
+    let guard = host_layout!(StopGuardParams { first, pad0, pad1, pad2 });
+    let extra = host_layout!(ExtraSamplesParams { patterns, seed, pad0, pad1 });
     let mut all = lobes();
     let rbf = host_layout!(RbfParams { samples, pad0, pad1, pad2 });
     all.extend(vec![
         (rbf, "passes/upsample/rbf", "RbfParams"),
         (nodes, "passes/refine/nodes", "NodesParams"),
-        (reuse(), "passes/visibility/reuse", "ReuseParams"),
-        (interleaved(), "passes/gather/interleaved", "InterleavedParams"),
+        (reuse(), "common/facing_bits", "ReuseParams"),
+        (interleaved(), "common/light_terms", "InterleavedParams"),
+        (subs, "passes/refine/sub_fragments", "SubFragmentsParams"),
+        (guard, "passes/refine/stop_guard", "StopGuardParams"),
+        (extra, "passes/refine/extra_samples", "ExtraSamplesParams"),
         (incremental, "passes/refine/incremental", "IncrementalParams"),
     ]);
     all
@@ -80,11 +90,11 @@ fn reuse() -> Layout {
         words,
         reuse,
         corner,
-        pad0,
+        classes,
         edge_u,
-        pad1,
+        together,
         edge_v,
-        pad2
+        above
     })
 }
 
