@@ -66,6 +66,10 @@ bench-claims: setup ## Hold the claims about direct light against Mitsuba and br
 bench-area: setup ## Hold paper C's preset against its bounds; writes benches/results
 	$(BIN)/python benches/area2010.py
 
+.PHONY: bench-area-2016
+bench-area-2016: setup ## Hold paper D's preset against its bounds; writes benches/results
+	$(BIN)/python benches/area2016.py
+
 .PHONY: bench-gpu
 bench-gpu: setup ## The same on a GPU, without Mitsuba
 	$(BIN)/python benches/run.py --adapter gpu --no-mitsuba

@@ -10,19 +10,16 @@ Errors are against Mitsuba (cached, `miplight.mitsuba.cache_folder`) or brute fo
 from __future__ import annotations
 
 import argparse
-import json
 import sys
-import warnings
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from pathlib import Path
-from typing import Any
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))  # the scenes are shared with the tests
 
 
 import measure
 import miplight as ml
-from run import RESULTS, about
+from bounds import Parts, Row, main, row
 from tests.claim_scenes import CLAIMS, available
 from tests.mitsuba.reference_scenes import glossy_floor, load
 
@@ -30,18 +27,8 @@ AREA = ml.Settings.preset("area-2010")
 RAYS = AREA.replace(visibility="ray")
 BRUTE = ml.Settings.preset("brute-force").replace(light_samples=256)
 SCENES = ("dragon_one", "sphere_one", "nefertiti")
-Row = dict[str, Any]
 Timed = list[tuple[float, float]]
 """Milliseconds and error of each of some settings."""
-
-
-def _row(
-    what: str, scene: str, size: int, value: float, bound: float, least: bool = False, **more: Any
-) -> Row:
-    good = value >= bound if least else value <= bound
-    sign = "≥" if least else "≤"
-    found = {"what": what, "scene": scene, "size": size, "value": value, "bound": f"{sign} {bound:g}"}
-    return found | {"good": bool(good)} | more
 
 
 def _scenes(options: argparse.Namespace) -> list[str]:
@@ -60,8 +47,8 @@ def reuse(renderer: ml.Renderer, options: argparse.Namespace) -> Iterator[Row]:
             found.append((frame.stats.rays, frame.image, frame.surface_mask))
         (rays, image, mask), (naive, wanted, _) = found
         error = ml.metrics.relative_rmse(image, wanted, mask=mask, trim=0.001)
-        yield _row("rays, share of the naive query", name, size, rays / naive, 0.15)
-        yield _row("error against the naive query", name, size, error, 0.015)
+        yield row("rays, share of the naive query", name, size, rays / naive, 0.15)
+        yield row("error against the naive query", name, size, error, 0.015)
 
 
 def errors(renderer: ml.Renderer, options: argparse.Namespace) -> Iterator[Row]:
@@ -73,10 +60,10 @@ def errors(renderer: ml.Renderer, options: argparse.Namespace) -> Iterator[Row]:
             reference = ml.mitsuba.reference(scene, camera, spp, part="direct")
             for settings, label, bounds in ((RAYS, "rays", (0.05, 0.02)), (AREA, "voxels", (0.12, 0.06))):
                 result = ml.testing.compare(renderer.render(scene, camera, settings), reference)
-                yield _row(
+                yield row(
                     f"error, {label}", name, size, result.relative_rmse, bounds[0], untrimmed=result.untrimmed
                 )
-                yield _row(f"median error, {label}", name, size, result.median, bounds[1])
+                yield row(f"median error, {label}", name, size, result.median, bounds[1])
 
 
 def voxels(renderer: ml.Renderer, options: argparse.Namespace) -> Iterator[Row]:
@@ -87,7 +74,7 @@ def voxels(renderer: ml.Renderer, options: argparse.Namespace) -> Iterator[Row]:
     table = ml.study.voxel_sweep(scene, camera, settings=AREA, reference=wanted, renderer=renderer)
     for found in table.to_dict("records"):
         label = f"voxels {found['voxel_resolution']} × {found['voxel_slices']} against rays"
-        yield _row(label, SCENES[0], size, found["relative_rmse"], 1.0, ms=found["ms"])
+        yield row(label, SCENES[0], size, found["relative_rmse"], 1.0, ms=found["ms"])
 
 
 FINER = RAYS.replace(interleave=1)
@@ -128,7 +115,7 @@ def times(renderer: ml.Renderer, options: argparse.Namespace) -> Iterator[Row]:
         )
         for label, (ms, error) in zip(("voxels", "rays"), presets, strict=False):
             ratio = brute_ms / ms
-            yield _row(
+            yield row(
                 f"times faster than brute force, {label}", name, size, ratio, 6.0, True, ms=ms, error=error
             )
         yield from _equal(name, size, presets, defaults)
@@ -138,10 +125,10 @@ def _equal(name: str, size: int, presets: Timed, defaults: Timed) -> Iterator[Ro
     """How much faster the default is than the preset: at the preset's error, and at the default's own."""
     for label, (ms, error) in zip(("voxels", "rays"), presets, strict=False):
         quickest = min((t for t, e in defaults if e <= error), default=float("inf"))
-        yield _row(f"default at the error of {label}: faster", name, size, ms / quickest, 2.0, True)
+        yield row(f"default at the error of {label}: faster", name, size, ms / quickest, 2.0, True)
     ms, error = defaults[0]
     quickest = min((t for t, e in presets if e <= error), default=float("inf"))
-    yield _row("default at its own error: faster", name, size, quickest / ms, 2.0, True, ms=ms, error=error)
+    yield row("default at its own error: faster", name, size, quickest / ms, 2.0, True, ms=ms, error=error)
 
 
 def glossy(renderer: ml.Renderer, options: argparse.Namespace) -> Iterator[Row]:
@@ -156,10 +143,10 @@ def glossy(renderer: ml.Renderer, options: argparse.Namespace) -> Iterator[Row]:
                 error = ml.metrics.relative_rmse(
                     frame.direct, reference.mean, mask=frame.surface_mask, trim=0.001
                 )
-                yield _row(f"glossy, {label}", name, 96, error, bound)
+                yield row(f"glossy, {label}", name, 96, error, bound)
 
 
-PARTS: dict[str, Callable[[ml.Renderer, argparse.Namespace], Iterator[Row]]] = {
+PARTS: Parts = {
     "reuse": reuse,
     "errors": errors,
     "voxels": voxels,
@@ -167,47 +154,5 @@ PARTS: dict[str, Callable[[ml.Renderer, argparse.Namespace], Iterator[Row]]] = {
     "glossy": glossy,
 }
 
-
-def _markdown(rows: list[Row], facts: dict[str, Any]) -> str:
-    lines = [f"{facts['adapter']}, {facts['machine']}, {facts['date']}, commit {facts['commit']}", ""]
-    lines += ["| what | scene | size | found | bound | |", "|---|---|--:|--:|--:|---|"]
-    for row in rows:
-        verdict = "pass" if row["good"] else "**FAIL**"
-        found = f"{row['size']} | {row['value']:.4g} | {row['bound']}"
-        lines.append(f"| {row['what']} | {row['scene']} | {found} | {verdict} |")
-    return "\n".join(lines) + "\n"
-
-
-def _line(row: Row) -> str:
-    verdict = "pass" if row["good"] else "FAIL"
-    where = f"{row['what']:<44}{row['scene']:<22}{row['size']:>5}"
-    return f"{where}{row['value']:>10.4f}  {row['bound']:<8}{verdict}"
-
-
-def main() -> int:
-    """Run the parts, print a line a row, and write the table unless it is quick."""
-    parser = argparse.ArgumentParser(
-        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
-    )
-    parser.add_argument("--only", nargs="+", choices=PARTS, default=list(PARTS))
-    parser.add_argument("--quick", action="store_true", help="small and rough; nothing is written")
-    parser.add_argument("--adapter", default="auto")
-    options = parser.parse_args()
-    warnings.simplefilter("ignore", ml.SoftwareAdapterWarning)
-    rows: list[Row] = []
-    with ml.Renderer(options.adapter) as renderer:
-        for part in options.only:
-            for row in PARTS[part](renderer, options):
-                rows.append(row)
-                print(_line(row), flush=True)
-        facts = about(renderer)
-    if not options.quick:
-        (RESULTS / "area-2010.json").write_text(
-            json.dumps({"about": facts, "rows": rows}, indent=1, default=float) + "\n"
-        )
-        (RESULTS / "area-2010.md").write_text(_markdown(rows, facts))
-    return int(not all(row["good"] for row in rows) and not options.quick)
-
-
 if __name__ == "__main__":
-    sys.exit(main())
+    sys.exit(main(PARTS, "area-2010", __doc__))

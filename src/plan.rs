@@ -189,9 +189,12 @@ pub fn is_sub_fragment(settings: &Settings) -> bool {
     settings.is("refine", "sub-fragment") && has_fragments(settings)
 }
 
-/// Whether what fragments see of a light is proven where it stops refinement; proofs are true of rays alone.
+/// Whether what fragments see of a light is proven where it stops refinement; proofs are true of rays alone, and of the
+/// edges of cones.
 pub fn guards_stops(settings: &Settings) -> bool {
-    is_sub_fragment(settings) && settings.is("stop_guard", "bounds") && settings.is("visibility", "ray")
+    is_sub_fragment(settings)
+        && settings.is("stop_guard", "bounds")
+        && ["ray", "none"].iter().any(|kind| settings.is("visibility", kind))
 }
 
 /// Whether large fragments have samples on their borders; only `rbf` makes use of them.
@@ -255,13 +258,15 @@ impl Plan {
         let unshadowed = settings.is("visibility", "none").then_some("visibility is none");
         self.add(&LEVELS[..1], direct.or(at_once));
         self.add(&INCREMENTAL[..1], direct.or(around).or(unshadowed));
-        self.add(&SUB_FRAGMENTS[..1], direct.or(inside).or(unshadowed));
+        // Sub-fragments find the edge of a spot's cone, too.
+        let untested = if facts.spot_lights > 0 { None } else { unshadowed };
+        self.add(&SUB_FRAGMENTS[..1], direct.or(inside).or(untested));
         self.add_occlusion(settings, direct.or(adaptive));
         self.add(&INCREMENTAL[1..], direct.or(around));
         self.add(&SUB_FRAGMENTS[1..2], direct.or(inside));
-        self.add(&SUB_FRAGMENTS[2..3], direct.or(inside).or(unshadowed));
-        let unguarded = (!guards_stops(settings)).then_some("stop_guard is off, or visibility is not ray");
-        self.add(&SUB_FRAGMENTS[3..4], direct.or(inside).or(unguarded));
+        self.add(&SUB_FRAGMENTS[2..3], direct.or(inside).or(untested));
+        let unguarded = (!guards_stops(settings)).then_some("stop_guard is off, or visibility is voxel or shadow-map");
+        self.add(&SUB_FRAGMENTS[3..4], direct.or(inside).or(unguarded).or(untested));
         let alone = (!adds_extra_samples(settings)).then_some("extra_samples is off, or upsample is not rbf");
         self.add(&SUB_FRAGMENTS[4..], direct.or(inside).or(alone));
         self.add(&LEVELS[1..], direct.or(at_once));
@@ -306,8 +311,9 @@ impl Plan {
         let unproven = settings.is("shadow_proofs", "off").then_some("shadow_proofs is off");
         let unfiltered = settings.is("penumbra_filter", "off").then_some("penumbra_filter is off");
         let guards = guards_stops(settings);
-        self.add(&ADAPTIVE[..1], if guards { all } else { direct });
-        self.add(&ADAPTIVE[1..2], if guards { all } else { direct.or(unshadowed).or(unproven) });
+        let unguarded = if facts.spot_lights > 0 { None } else { unshadowed };
+        self.add(&ADAPTIVE[..1], if guards { all.or(unguarded) } else { direct });
+        self.add(&ADAPTIVE[1..2], if guards { all.or(unshadowed) } else { direct.or(unshadowed).or(unproven) });
         self.add(&ADAPTIVE[2..6], direct.or(unshadowed));
         self.add(&ADAPTIVE[6..7], direct);
         let sharp = direct.or(unshadowed).or(no_area);

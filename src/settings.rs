@@ -344,7 +344,7 @@ pub const SPECS: &[Spec] = &[
         "bounds",
         "Whether a fragment above level 2 is split unless bounds prove that it sees all or nothing of each light: something \
          thin may lie between the samples on which its sub-fragments agree. Off is the paper's rule. `refine` \
-         sub-fragment with `visibility` ray only.",
+         sub-fragment with `visibility` ray or, at the edges of spots, none.",
         "[KJ16 Sec. 3.1.3; HW91]",
     ),
     threshold(

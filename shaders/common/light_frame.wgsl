@@ -27,6 +27,7 @@ const MIXED_SIDES: u32 = 8u;    // facing pixels on both sides of it
 const CLIPPED: u32 = 16u;       // some facing pixel's horizon crosses the light
 const NEAR: u32 = 32u;          // some facing pixel is nearer than five light sizes
 const FAR: u32 = 64u;           // some facing pixel is farther
+const PARTLY: u32 = 128u;       // not all of its pixels face the light, but some
 const LIT: u32 = 256u;          // proven: nothing lies between a facing pixel and the light
 const DARK: u32 = 512u;         // proven: no facing pixel sees any of the light
 

@@ -8,7 +8,7 @@ struct MapParams {
     resolution: u32,    // texels along an edge
     sides: u32,         // 2: a second map of each sample looks the other way
     first: u32,         // map_rays: first texel of the list, of this light; map_shadow: first texel of this light
-    count: u32,         // texels of the list
+    samples: u32,       // that have maps: those of all interleaved sets
     offset: f32,        // how far off the light its rays start
 }
 

@@ -352,6 +352,6 @@ fn twins_have_the_same_layout() {
     twin(&voxels, "common/voxels", "Voxels");
     let voxelize = host_layout!(VoxelizeParams { first, triangles, instances, blocks });
     twin(&voxelize, "passes/visibility/voxelize", "VoxelizeParams");
-    let map = host_layout!(MapParams { normal, resolution, sides, first, count, offset });
+    let map = host_layout!(MapParams { normal, resolution, sides, first, samples, offset });
     twin(&map, "common/shadow_map", "MapParams");
 }

@@ -9,7 +9,9 @@ import package::common::gbuffer::{SURFACE, floats};
 import package::common::grid::{Grid, item_index};
 import package::common::light::{light_at, lights};
 import package::common::light_facing::{Facing, facing_of};
-import package::common::light_frame::{BACK, CLIPPED, FACING, FAR, LIT, LightFrame, MIXED_SIDES, NEAR, ON_SURFACE, TileBounds};
+import package::common::light_frame::{
+    BACK, CLIPPED, FACING, FAR, LIT, LightFrame, MIXED_SIDES, NEAR, ON_SURFACE, PARTLY, TileBounds,
+};
 import package::common::surface::offset_origin;
 import package::common::tiles::TILE;
 
@@ -110,7 +112,9 @@ fn main(
         let h = select(vec2f(tile.lo.z, tile.hi.z), turned, back && !mixed);
         tile_bounds[i / TILE] = TileBounds(vec3f(tile.lo.xy, h.x), tile.facing, vec3f(tile.hi.xy, h.y), 0u);
         let lit = select(0u, LIT, params.unshadowed != 0u && tile.facing > 0u);
-        tile_flags[i / TILE] = (tile.flags & 0xffffu) | select(select(0u, BACK, back), MIXED_SIDES, mixed) | lit;
+        let partly = select(0u, PARTLY, tile.facing > 0u && tile.facing < TILE * TILE);
+        let sides = select(select(0u, BACK, back), MIXED_SIDES, mixed);
+        tile_flags[i / TILE] = (tile.flags & 0xffffu) | sides | partly | lit;
         if tile.facing > 0u {
             atomicAdd(&facing_count[0], tile.facing);
         }

@@ -4,14 +4,14 @@
 // In: tile_flags. In and out: node_rows.
 
 import package::common::grid::{Grid, item_index};
-import package::common::light_frame::{DARK, FACING, LIT};
+import package::common::light_frame::{DARK, FACING, LIT, PARTLY};
 import package::common::nodes::{CHANGES, OPEN, SPLIT, node_rows};
 import package::common::pyramid::{pyramid, texel_of};
 import package::common::tiles::TILE;
 
 struct StopGuardParams {
     first: u32,         // node of the first item
-    pad0: u32,
+    hard: u32,          // 1: of a spot, whose cone has an edge
     pad1: u32,
     pad2: u32,
 }
@@ -33,7 +33,8 @@ fn is_open(texel: vec2u) -> bool {
     for (var y = first.y; y < last.y; y++) {
         for (var x = first.x; x < last.x; x++) {
             let flags = tile_flags[y * tiles.x + x];
-            open = open || ((flags & FACING) != 0u && (flags & (LIT | DARK)) == 0u);
+            let unproven = (flags & FACING) != 0u && (flags & (LIT | DARK)) == 0u;
+            open = open || unproven || (params.hard != 0u && (flags & PARTLY) != 0u);
         }
     }
     return open;

@@ -3,19 +3,19 @@
 // beside each other and see very different samples, the split is repeated: both are split with the node.
 // Deviations: all four edges are looked at (the text compares a sub-fragment with the previous one, and leaves one open); the
 // samples that change count, not the difference of counts, which a moving shadow leaves alone, unless that is asked for; what
-// a sub-fragment does not face is compared with nothing; all four ask the same samples [else nearly every penumbra is refined
+// a sub-fragment does not face is compared with nothing, but across the edge of a spot's cone; all four ask the same samples [else nearly every penumbra is refined
 // to pixels, whatever its width], and fragments beside each other others.
 //   points  the shading points of the sub-fragments
 //   test    marks the nodes that one light splits
 // In: nodes, texel_state, G-buffer, bits of the sub-fragments. Out: sub_receivers, node_rows.
 
-import package::common::fragment::LIT;
+import package::common::fragment::{LIT, ON_SURFACE};
 import package::common::grid::{Grid, item_index};
 import package::common::middle_pixel::{g_normal, middle_pixel};
 import package::common::nodes::{AGAIN, CHANGES, SPLIT, UNSTABLE, class_of, node_rows};
 import package::common::pyramid::{footprint, pyramid, texel_number, texel_of};
 import package::common::ray::Receiver;
-import package::common::receiver::{inactive_receiver, receiver_of};
+import package::common::receiver::{INACTIVE, inactive_receiver, receiver_of};
 
 struct SubFragmentsParams {
     first: u32,         // node of the first item
@@ -25,8 +25,11 @@ struct SubFragmentsParams {
     least_bits: u32,    // samples on which they differ, from which on a node is split
     most_apart: u32,    // samples between two, up to which they are not split with it
     counts: u32,        // 1: the difference of how many are seen, 0: how many change
-    pad: u32,
+    hard: u32,          // 1: what faces nothing lies outside of a cone, and sees nothing
 }
+
+// Flag of a sub-fragment that sees a surface, but no light reaches it.
+const DARK: u32 = 1u;
 
 @group(0) @binding(30) var<uniform> grid: Grid;
 @group(0) @binding(0) var<uniform> params: SubFragmentsParams;
@@ -55,9 +58,10 @@ fn points(
     let part = i & 3u;
     let sub = 2u * texel + vec2u(part & 1u, part >> 1u);
     let inside = all(sub < below.xy) && (row.z & SPLIT) == 0u;
-    let lit = (texel_state[texel_number(below, select(vec2u(0u), sub, inside))] & LIT) != 0u;
+    let state = select(0u, texel_state[texel_number(below, select(vec2u(0u), sub, inside))], inside);
     sub_receivers[i] = inactive_receiver();
-    if inside && lit {
+    sub_receivers[i].flags = select(0u, DARK, (state & ON_SURFACE) != 0u);
+    if (state & LIT) != 0u {
         let pixel = middle_pixel(footprint(pyramid.level - 1u, sub));
         let at = pixel.y * pyramid.levels[0].x + pixel.x;
         let own = select(select(0u, part, params.classes == 4u), class_of(texel, params.classes), params.together != 0u);
@@ -72,7 +76,20 @@ struct Words {
     seen: vec4u,
 }
 
+// A word of ones where sub-fragment k of an item is there, be it dark.
+fn there(item: u32, k: u32) -> u32 {
+    let sub = sub_receivers[4u * item + k];
+    return select(0u, 0xffffffffu, sub.pixel != INACTIVE || sub.flags == DARK);
+}
+
 fn words_of(item: u32, word: u32) -> Words {
+    if params.hard != 0u {
+        let first = 8u * item * params.words + params.words + word;
+        let at = vec4u(first) + vec4u(0u, 2u, 4u, 6u) * params.words;
+        return Words(
+            vec4u(there(item, 0u), there(item, 1u), there(item, 2u), there(item, 3u)),
+            vec4u(sub_bits[at.x], sub_bits[at.y], sub_bits[at.z], sub_bits[at.w]));
+    }
     let at = vec4u(8u * item * params.words + word) + vec4u(0u, 2u, 4u, 6u) * params.words;
     let seen = at + params.words;
     return Words(

@@ -57,7 +57,7 @@ fn bits_of(receiver: Receiver, first: u32, asked: u32, some: bool) -> u32 {
         // What does not face stays when it was asked for, and is not seen when all are.
         var gone = !facing && !some;
         if facing {
-            gone = !(point.w > 0.0) || hidden(receiver, first + k);
+            gone = !(point.w > 0.0) || hidden(receiver, (row + first + k) % map.samples);
         }
         if gone {
             bits &= ~(1u << k);

@@ -61,7 +61,7 @@ fn add_level(
         return work.lights.iter().try_for_each(|light| light_pixels(work, context, nodes, level, light, above));
     }
     let receivers = context.resources.buffer("sub_receivers", SUBS * level.count)?;
-    if work.occlusion.asks() {
+    if work.occlusion.asks() || work.lights.iter().any(|light| !light.is_area()) {
         sub_fragments::points(context, work.gbuffer, nodes, level, &work.state, &receivers)?;
     }
     for (index, light) in work.lights.iter().enumerate() {
@@ -82,7 +82,8 @@ fn test_light(
     light: &LightSamples,
     receivers: &Buffer<Receiver>,
 ) -> Result<()> {
-    if !work.occlusion.asks() {
+    // Where nothing hides anything there is still the edge of a spot's cone.
+    if !work.occlusion.asks() && light.is_area() {
         return Ok(());
     }
     let shadow = light.shadow_light();
@@ -94,7 +95,7 @@ fn test_light(
     work.occlusion.ask(context, work.occlusion.stage(), receivers, &shadow, &asked, 0..points, true)?;
     sub_bits.take(context, 0, points)?;
     let least = levels::least_bits(context, light).unwrap_or(u32::MAX);
-    sub_fragments::test(context, nodes, level, &bits, [words as u32, least])
+    sub_fragments::test(context, nodes, level, receivers, &bits, light, least)
 }
 
 /// Adds a light to the nodes of a level that are left whole.

@@ -122,6 +122,8 @@ pub mod flags {
     pub const NEAR: u32 = 32;
     /// Some facing pixel is farther than that.
     pub const FAR: u32 = 64;
+    /// Not all of its pixels face the light, but some.
+    pub const PARTLY: u32 = 128;
     /// Proven: nothing lies between a facing pixel and the light.
     pub const LIT: u32 = 256;
     /// Proven: no facing pixel sees any of the light.

@@ -4,6 +4,7 @@ use bytemuck::{Pod, Zeroable};
 
 use crate::error::Result;
 use crate::gpu::Buffer;
+use crate::passes::lights::light_samples::LightSamples;
 use crate::passes::refine::nodes::{Level, Nodes};
 use crate::passes::visibility::Receiver;
 use crate::passes::{Context, GBuffer};
@@ -29,8 +30,8 @@ pub struct SubFragmentsParams {
     pub most_apart: u32,
     /// 1: the difference of how many are seen counts, 0: how many change.
     pub counts: u32,
-    /// Unused.
-    pub pad: u32,
+    /// 1: what faces nothing lies outside of a cone, and sees nothing.
+    pub hard: u32,
 }
 
 impl SubFragmentsParams {
@@ -70,7 +71,7 @@ pub fn points(
     pass.bind("sub_receivers", receivers).dispatch(SUBS * level.count)
 }
 
-/// Marks the nodes of a level whose sub-fragments see different samples of one light, `least` or more.
+/// Marks the nodes of a level whose sub-fragments (`receivers`) see different samples of one light, `least` or more.
 ///
 /// # Errors
 /// Those of the device.
@@ -78,12 +79,16 @@ pub fn test(
     context: &mut Context<'_, '_>,
     nodes: &Nodes,
     level: Level,
+    receivers: &Buffer<Receiver>,
     sub_bits: &Buffer<u32>,
-    [words, least]: [u32; 2],
+    light: &LightSamples,
+    least: u32,
 ) -> Result<()> {
     let kernel = context.kernel("refine/sub_fragments", "test")?;
-    let params = SubFragmentsParams { words, least_bits: least, ..SubFragmentsParams::new(context, level) };
+    let (words, hard) = (light.strata.div_ceil(32), u32::from(!light.is_area()));
+    let params = SubFragmentsParams { words, least_bits: least, hard, ..SubFragmentsParams::new(context, level) };
     let pyramid = nodes.pyramid.at(level.level);
     let pass = context.recorder.pass("sub_fragments", &kernel).uniform("params", &params).uniform("pyramid", &pyramid);
-    pass.bind("node_rows", &nodes.rows).bind("sub_bits", sub_bits).dispatch(level.count)
+    let pass = pass.bind("node_rows", &nodes.rows).bind("sub_receivers", receivers);
+    pass.bind("sub_bits", sub_bits).dispatch(level.count)
 }

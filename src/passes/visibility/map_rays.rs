@@ -27,8 +27,8 @@ pub struct MapParams {
     pub sides: u32,
     /// First texel.
     pub first: u32,
-    /// Texels of the list.
-    pub count: u32,
+    /// Samples that have maps: those of all interleaved sets.
+    pub samples: u32,
     /// How far off the light its rays start.
     pub offset: f32,
 }
@@ -80,7 +80,7 @@ fn maps_of(context: &Context<'_, '_>, light: &LightSamples, first: u32) -> Light
         resolution: context.settings.int("shadow_map_resolution"),
         sides: 1 + u32::from(both),
         first,
-        count: 0,
+        samples: light.strata * light.classes,
         offset: (OFFSET * u.max(v)) as f32,
     };
     LightMaps { points: light.points.clone(), params }
@@ -96,7 +96,7 @@ pub fn record(context: &mut Context<'_, '_>, samples: &[LightSamples]) -> Result
     let mut counts = Vec::new();
     for light in samples {
         let maps = maps_of(context, light, first);
-        let count = texels(u64::from(light.strata * maps.params.sides), maps.params.resolution) as u32;
+        let count = texels(u64::from(maps.params.samples * maps.params.sides), maps.params.resolution) as u32;
         first += count;
         counts.push(count as usize);
         lights.push(maps);
@@ -116,7 +116,7 @@ fn trace(context: &mut Context<'_, '_>, light: &LightMaps, texels: usize, distan
     let hits: Buffer<Hit> = context.resources.buffer("map_hits", len)?;
     for first in (0..texels).step_by(len.max(1)) {
         let count = len.min(texels - first);
-        let own = MapParams { first: first as u32, count: count as u32, ..light.params };
+        let own = MapParams { first: first as u32, ..light.params };
         let pass = context.recorder.pass("map_rays", &make).uniform("params", &own);
         pass.bind("points", &light.points).bind("rays", &rays).dispatch(count)?;
         context.rays += context.tracer.closest(context.recorder, "map_trace", &rays, &hits, 0..count)?;

@@ -14,9 +14,7 @@ from .image import pixel_numbers
 from .lights import Area, Light, Spot
 from .structs import LIGHT_FRAME, NOTHING, SURFACE, record
 
-FACING, ON_SURFACE, BACK, MIXED_SIDES, CLIPPED, NEAR, FAR, LIT, DARK = (
-    1 << bit for bit in (0, 1, 2, 3, 4, 5, 6, 8, 9)
-)
+FACING, ON_SURFACE, BACK, MIXED_SIDES, CLIPPED, NEAR, FAR, PARTLY, LIT, DARK = (1 << bit for bit in range(10))
 FACED, FACING_AWAY, BEHIND_LIGHT = 1, 2, 4
 
 Array = NDArray[np.float64]
@@ -144,6 +142,7 @@ def tiles(light: Light, g: GBuffer, width: int, height: int) -> Tiles:
         + CLIPPED * (facing & s.clipped[pixels]).any(axis=1)
         + NEAR * (facing & s.near[pixels]).any(axis=1)
         + FAR * (facing & ~s.near[pixels]).any(axis=1)
+        + PARTLY * (facing.any(axis=1) & ~facing.all(axis=1))
     )
     return Tiles(
         np.where(empty, np.inf, place).min(axis=1),

@@ -136,7 +136,7 @@ VOXELS = np.dtype(
     ]
 )
 VOXELIZE = np.dtype(_fields("first", "triangles", "instances", "blocks"))
-MAP = np.dtype([("normal", "<f4", 3), *_fields("resolution", "sides", "first", "count"), ("offset", "<f4")])
+MAP = np.dtype([("normal", "<f4", 3), *_fields("resolution", "sides", "first", "samples"), ("offset", "<f4")])
 PROVE = np.dtype(_fields("width", "height", "pad0", "pad1"))
 LIGHT_FRAME = np.dtype(
     [
@@ -209,9 +209,9 @@ REUSE = np.dtype(
     ]
 )
 SUB_FRAGMENTS = np.dtype(
-    _fields("first", "classes", "together", "words", "least_bits", "most_apart", "counts", "pad")
+    _fields("first", "classes", "together", "words", "least_bits", "most_apart", "counts", "hard")
 )
-STOP_GUARD = np.dtype(_fields("first", "pad0", "pad1", "pad2"))
+STOP_GUARD = np.dtype(_fields("first", "hard", "pad1", "pad2"))
 EXTRA_SAMPLES = np.dtype(_fields("patterns", "seed", "pad0", "pad1"))
 RBF = np.dtype(_fields("samples", "pad0", "pad1", "pad2"))
 INTERLEAVED = np.dtype(

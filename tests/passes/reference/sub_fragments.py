@@ -25,6 +25,13 @@ def places(tree: Tree, node: Node) -> list[tuple[int, int] | None]:
     return [place if counts else None for place, counts in zip(all_, lit, strict=True)]
 
 
+def seen(tree: Tree, node: Node, part: int) -> bool:
+    """Whether one of the four texels below a node sees a surface."""
+    rows, columns = tree.states[node.level - 1].shape
+    row, column = 2 * node.row + part // 2, 2 * node.column + part % 2
+    return row < rows and column < columns and bool(tree.states[node.level - 1][row, column] & 7)
+
+
 def set_of(node: Node, part: int, classes: int, together: bool) -> int:
     """Which of the interleaved sets a sub-fragment asks: that of its node, or its own."""
     return 0 if classes == 1 else node.set if together else part
@@ -37,10 +44,11 @@ def sub_receivers(tree: Tree, level: int, classes: int, together: bool, base: Wo
     made["pattern"] = made["pixel"] = MISS
     for number, node in tree.of(level):
         for part, place in enumerate(places(tree, node)):
+            at = 4 * (number - first) + part
             if place is None or node.split:
+                made["flags"][at] = not node.split and seen(tree, node, part)
                 continue
             pixel = middle_pixel(tree.view, tree.g, tree.block(level - 1, *place))
-            at = 4 * (number - first) + part
             made["origin"][at] = tree.g.origin[pixel]
             made["normal_geo"][at] = tree.g.geometric[pixel]
             made["normal_shade"][at] = tree.g.normal[pixel]

@@ -56,7 +56,7 @@ def test_shading_points_lie_in_the_four_texels_below(
         )
         found = read(out, "sub_receivers", RECEIVER)
         expected = sub_receivers(tree, level, classes, together, base)
-        for name in ("normal_geo", "normal_shade", "pattern", "pixel"):
+        for name in ("normal_geo", "normal_shade", "pattern", "pixel", "flags"):
             assert (found[name] == expected[name]).all(), name
         origin = expected["origin"].astype(np.float64)
         assert_within(found["origin"], origin, 2 * ULP * np.abs(origin), "origins")
@@ -68,12 +68,24 @@ def test_shading_points_lie_in_the_four_texels_below(
 
 
 def _test(
-    runner: Runner, bits: SubBits, least: int, most_apart: int, counts: bool, level: int = 2
+    runner: Runner,
+    bits: SubBits,
+    least: int,
+    most_apart: int,
+    counts: bool,
+    level: int = 2,
+    there: NDArray[np.bool_] | None = None,
 ) -> NDArray[np.uint32]:
     """States of nodes after the test, which had a bit of their own before."""
     nodes, _, samples = bits.known.shape
     tree = random_tree(np.random.default_rng(0), (40, 24), 3, 1)
     rows = np.full((nodes + 5, 4), 1, np.uint32)
+    receivers = np.zeros(4 * nodes, RECEIVER)
+    if there is not None:
+        receivers["pixel"][~there.ravel()] = MISS
+        # some that are there are dark
+        dark = np.flatnonzero(there.ravel() & ~bits.known.any(-1).ravel())[::2]
+        receivers["pixel"][dark], receivers["flags"][dark] = MISS, 1
     out = runner(
         STEM,
         nodes,
@@ -85,10 +97,12 @@ def _test(
             least_bits=least,
             most_apart=most_apart,
             counts=counts,
+            hard=there is not None,
         ),
         pyramid=pyramid_record(tree.view, 3, 1, level),
         node_rows=rows,
         sub_bits=bits.words(),
+        sub_receivers=receivers,
     )
     found = read(out, "node_rows", np.uint32, nodes + 5, 4)
     assert (found[:5] == 1).all()
@@ -141,3 +155,15 @@ def test_a_step_between_two_sides_splits_both(runner: Runner) -> None:
     for part, state in enumerate(found):
         assert state == CHANGES | (15 & ~(1 << across[part])) * (AGAIN | UNSTABLE)
     assert (_test(runner, SubBits(np.ones_like(seen), seen), 1, 5, False) & (15 * AGAIN) == 0).all()
+
+
+def test_the_edge_of_a_cone_is_an_edge(runner: Runner, rng: np.random.Generator) -> None:
+    """What a spot does not shine on sees nothing of it; of an area light the horizon is no edge."""
+    inside = rng.uniform(size=(200, 4, 1)) < 0.5
+    there = rng.uniform(size=(200, 4)) < 0.8
+    bits = SubBits(inside & there[..., None], inside & there[..., None])
+    found = _test(runner, bits, 1, 0, False, there=there)
+    hard = SubBits(np.broadcast_to(there[..., None], inside.shape), bits.seen)
+    assert (found == marks(hard, 1, 0, False, True)).all()
+    assert (found & CHANGES).any()
+    assert not _test(runner, bits, 1, 0, False).any(), "negative control"

@@ -25,9 +25,7 @@ def test_rays_go_through_the_middles_of_texels(
 ) -> None:
     normal, count = _unit(rng), 500
     points = rng.normal(size=(20, 4)).astype(np.float32)
-    params = record(
-        MAP, normal=normal, resolution=resolution, sides=sides, first=first, count=count, offset=0.01
-    )
+    params = record(MAP, normal=normal, resolution=resolution, sides=sides, first=first, offset=0.01)
     out = runner("passes/visibility/map_rays", count, params=params, points=points, rays=np.zeros(count, RAY))
     rays = read(out, "rays", RAY)
     texel = first + np.arange(count)
@@ -67,7 +65,7 @@ def test_distances_are_stored_where_they_belong(runner: Runner, rng: np.random.G
     hits = np.zeros(count, HIT)
     hits["t"], hits["instance"] = rng.uniform(1, 5, count), 2
     hits["instance"][::7] = MISS
-    params = record(MAP, resolution=8, sides=1, first=first, count=count)
+    params = record(MAP, resolution=8, sides=1, first=first)
     before = np.full(200, 9, np.float32)
     out = runner(
         "passes/visibility/map_rays", count, entry="store", params=params, hits=hits, distances=before

@@ -29,10 +29,12 @@ class Case:
     distances: NDArray[np.float32]
     resolution: int = 9
     two_sided: bool = False
+    sets: int = 1
+    """Interleaved sets of samples, each a pattern after the other; all of them have maps."""
 
 
-def _case(rng: np.random.Generator, strata: int, two_sided: bool, count: int = 150) -> Case:
-    patterns, resolution = 3, 9
+def _case(rng: np.random.Generator, strata: int, two_sided: bool, count: int = 150, sets: int = 1) -> Case:
+    patterns, resolution = 3 * sets, 9
     points = np.full((patterns * strata, 4), 0.9999, np.float32)
     points[:, :3] = rng.uniform(-0.5, 0.5, (patterns * strata, 3))
     normals = rng.normal(size=(2, count, 3))
@@ -43,12 +45,12 @@ def _case(rng: np.random.Generator, strata: int, two_sided: bool, count: int = 1
     receivers["normal_geo"], receivers["normal_shade"] = normals
     receivers["pattern"] = rng.integers(0, patterns, count)
     receivers["pattern"][::19] = MISS
-    texels = strata * (1 + two_sided) * resolution**2
+    texels = sets * strata * (1 + two_sided) * resolution**2
     distances = rng.uniform(0.5, 6, FIRST + texels).astype(np.float32)
     distances[rng.uniform(size=len(distances)) < 0.2] = 1e30
     n = rng.normal(size=3)
     normal = (n / np.linalg.norm(n)).astype(np.float32).astype(np.float64)
-    return Case(receivers, points, strata, normal, distances, resolution, two_sided)
+    return Case(receivers, points, strata, normal, distances, resolution, two_sided, sets)
 
 
 def _run(runner: Runner, case: Case, asked: Bits | None = None) -> Bits:
@@ -65,7 +67,14 @@ def _run(runner: Runner, case: Case, asked: Bits | None = None) -> Bits:
         words=words,
     )
     sides = 1 + case.two_sided
-    maps = record(MAP, normal=case.normal, resolution=case.resolution, sides=sides, first=FIRST)
+    maps = record(
+        MAP,
+        normal=case.normal,
+        resolution=case.resolution,
+        sides=sides,
+        first=FIRST,
+        samples=case.sets * case.strata,
+    )
     before = np.full(count * words, MISS, np.uint32)
     if asked is not None:
         wide = np.ones((count, 32 * words), bool)
@@ -100,8 +109,10 @@ def _reference(case: Case) -> tuple[Bits, Bits, Bits]:
     smallest = np.minimum.reduce(cosines)
     facing = (smallest > 0) & live[:, None]
     hidden, doubtful = np.zeros_like(facing), np.abs(smallest) < 1e-5
-    for k in range(case.strata):
-        d = r["origin"].astype(np.float64) - table[0, k]
+    for sample in range(case.sets * case.strata):
+        which, k = divmod(sample, case.strata)
+        asks = r["pattern"] % case.sets == which
+        d = r["origin"].astype(np.float64) - table[which, k]
         side = (d @ case.normal < 0) & case.two_sided
         for back in range(1 + case.two_sided):
             n = case.normal * (1 - 2 * back)
@@ -112,29 +123,29 @@ def _reference(case: Case) -> tuple[Bits, Bits, Bits]:
             with np.errstate(divide="ignore"):
                 plane = np.clip((r["normal_geo"] * d).sum(1) / slope, 0.5 * distance, 2 * distance)
             plane = np.where(slope < 0, plane, 2 * distance)
-            first = FIRST + (k * (1 + case.two_sided) + back) * case.resolution**2
+            first = FIRST + (sample * (1 + case.two_sided) + back) * case.resolution**2
             stored = case.distances[first + texel[:, 1] * case.resolution + texel[:, 0]]
             limit = plane - BIAS * TEXEL / case.resolution * distance
             unsure = (np.abs(at - np.round(at)).min(1) < 1e-4) | (np.abs(stored - limit) < 1e-4)
             unsure |= (np.abs(slope) < 1e-5) | (np.abs(d @ case.normal) < 1e-5)
-            here = side == bool(back)
+            here = asks & (side == bool(back))
             hidden[here, k] = (stored < limit)[here]
             doubtful[here, k] |= (unsure & facing[:, k])[here]
     return hidden, facing, doubtful
 
 
 @pytest.mark.parametrize("two_sided", [False, True])
-@pytest.mark.parametrize("strata", [1, 40])
+@pytest.mark.parametrize(("strata", "sets"), [(1, 1), (40, 1), (16, 4)])
 def test_bits_agree_with_the_reference(
-    runner: Runner, rng: np.random.Generator, strata: int, two_sided: bool
+    runner: Runner, rng: np.random.Generator, strata: int, sets: int, two_sided: bool
 ) -> None:
-    case = _case(rng, strata, two_sided)
+    case = _case(rng, strata, two_sided, sets=sets)
     hidden, facing, doubtful = _reference(case)
     found = _run(runner, case)
     assert (found == (facing & ~hidden))[~doubtful].all()
     assert doubtful.mean() < 0.05
     asked = rng.uniform(size=facing.shape) < 0.4
-    live = (case.receivers["pattern"] < 3)[:, None]
+    live = (case.receivers["pattern"] < 3 * sets)[:, None]
     expected = asked & live & ~(facing & hidden)
     assert (_run(runner, case, asked) == expected)[~doubtful].all()
     # Negative controls: hidden ones and faces both decide.

@@ -22,8 +22,8 @@ pub(crate) fn twins() -> Vec<(Layout, &'static str, &'static str)> {
     let nodes = host_layout!(NodesParams { base, parents, patterns, classes, seed, inherit, pad1, pad2 });
     let incremental = host_layout!(IncrementalParams { first, count, words, least_bits, threshold, pad0, pad1, pad2 });
     let subs =
-        host_layout!(SubFragmentsParams { first, classes, together, words, least_bits, most_apart, counts, pad });
-    let guard = host_layout!(StopGuardParams { first, pad0, pad1, pad2 });
+        host_layout!(SubFragmentsParams { first, classes, together, words, least_bits, most_apart, counts, hard });
+    let guard = host_layout!(StopGuardParams { first, hard, pad1, pad2 });
     let extra = host_layout!(ExtraSamplesParams { patterns, seed, pad0, pad1 });
     let mut all = lobes();
     let rbf = host_layout!(RbfParams { samples, pad0, pad1, pad2 });
