@@ -13,6 +13,8 @@ pub use wide::{Child, Node8, TriangleBlock};
 
 use glam::Vec3;
 
+use super::mesh::next_id;
+
 /// Most triangles of a leaf: one [`TriangleBlock`].
 pub const LEAF_TRIANGLES: usize = 4;
 
@@ -55,6 +57,7 @@ impl Bounds {
 /// Bottom level: the triangles of one mesh in object space.
 #[derive(Clone, Debug, Default)]
 pub struct Blas {
+    id: u64,
     nodes: Vec<Node2>,
     order: Vec<u32>,
     wide: Vec<Node8>,
@@ -105,7 +108,12 @@ impl Blas {
         let depth = build::depth(&nodes);
         let wide = wide::collapse(&nodes);
         let blocks = wide::blocks(&wide.leaves, &order, positions, triangles);
-        Self { nodes, order, wide: wide.nodes, blocks, wide_depth: wide.depth, depth }
+        Self { id: next_id(), nodes, order, wide: wide.nodes, blocks, wide_depth: wide.depth, depth }
+    }
+
+    /// A number that no other tree has, but its clones; 0: an empty one. An address would be taken again by the next.
+    pub fn id(&self) -> u64 {
+        self.id
     }
 
     /// Binary nodes: node 0 is the root, children come after their parent and side by side; empty without triangles.

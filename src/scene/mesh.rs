@@ -14,7 +14,7 @@ const DEGENERATE_AREA: f64 = 1e-12;
 
 static NEXT_ID: AtomicU64 = AtomicU64::new(1);
 
-/// A number that no other mesh or texture of this process has; caches are keyed by it.
+/// A number that no other mesh, tree or texture of this process has; caches are keyed by it.
 pub(crate) fn next_id() -> u64 {
     NEXT_ID.fetch_add(1, Ordering::Relaxed)
 }

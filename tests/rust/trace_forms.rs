@@ -10,7 +10,8 @@ use miplight::error::Error;
 use miplight::gpu::{Gpu, Usage, never};
 use miplight::passes::visibility::trace::{Form, Tracer};
 use miplight::passes::visibility::trace_native::{Hit, Ray, Receiver, TraceInstance};
-use std::sync::OnceLock;
+use miplight::scene::bvh::Blas;
+use std::sync::{Arc, OnceLock};
 use trace_common::{Mesh, Object, Random, brute_force, cube, grid, instances, places, ray, soup, sphere};
 
 fn device() -> &'static Gpu {
@@ -240,6 +241,27 @@ fn moving_an_instance_sends_the_top_level_only() {
     assert!(answers(&tracer, &forward).0.iter().all(|h| !h.is_hit()), "an empty scene is all misses");
     let other = TraceInstance::new(Affine3A::IDENTITY, open_square().blas());
     assert!(tracer.set_scene(gpu, vec![other]).unwrap().contains(&"meshes"));
+}
+
+#[test]
+fn a_mesh_in_the_memory_of_another_is_sent() {
+    let gpu = device();
+    let placed = |mesh: &&Arc<Blas>| TraceInstance::new(Affine3A::IDENTITY, Arc::clone(mesh));
+    let scene = |meshes: &[&Arc<Blas>]| meshes.iter().map(placed).collect::<Vec<_>>();
+    let kept = Mesh { positions: vec![Vec3::X, Vec3::Y, Vec3::Z], triangles: vec![[0, 1, 2]] }.blas();
+    let mut tracer = Tracer::with_form(gpu, Form::Wgsl).unwrap();
+    let mut ball = sphere(1, 0.0);
+    let mut mesh = ball.blas();
+    let forward = [ray(Vec3::ZERO, Vec3::NEG_Z)];
+    tracer.set_scene(gpu, scene(&[&kept, &mesh])).unwrap();
+    assert!(answers(&tracer, &forward).0[0].t < 1.1);
+    // Nothing is new in this scene, and no one holds the ball after it.
+    tracer.set_scene(gpu, scene(&[&kept])).unwrap();
+    ball.positions.iter_mut().for_each(|p| p.z -= 9.0);
+    *Arc::get_mut(&mut mesh).expect("no one holds it") = Blas::build(&ball.positions, &ball.triangles);
+    tracer.set_scene(gpu, scene(&[&kept, &mesh])).unwrap();
+    let hit = answers(&tracer, &forward).0[0];
+    assert!(hit.is_hit() && hit.t > 7.0, "{hit:?}");
 }
 
 #[test]

@@ -3,7 +3,6 @@
 //! Meshes are sent once and stay; moving an instance sends the top level again, and nothing else.
 use std::collections::BTreeMap;
 use std::ops::Range;
-use std::sync::Arc;
 
 use bytemuck::{Pod, Zeroable};
 
@@ -73,18 +72,12 @@ const TILE: usize = 2048;
 pub struct WgslTrace {
     nodes: Arena<Node2>,
     triangles: Arena<TriangleRecord>,
-    /// Meshes on the device, by address: held, so that no other can take its address.
-    held: BTreeMap<u64, Arc<Blas>>,
     top_nodes: Buffer<Node2>,
     instances: Buffer<PlacedRecord>,
     top_level: TopLevel,
     counter: Buffer<u32>,
     /// Before a kernel is measured.
     pub(super) ns_per_ray: f64,
-}
-
-fn address(blas: &Arc<Blas>) -> u64 {
-    Arc::as_ptr(blas) as usize as u64
 }
 
 /// Overwrites the start of `buffer`, or replaces it by one twice as large as needed.
@@ -104,7 +97,6 @@ impl WgslTrace {
         Ok(Self {
             nodes: Arena::new("mesh_nodes", "the trees of all meshes"),
             triangles: Arena::new("triangles", "the triangles of all meshes"),
-            held: BTreeMap::new(),
             top_nodes: gpu.buffer("top_nodes", 1, Usage::Storage)?,
             instances: gpu.buffer("instances", 1, Usage::Storage)?,
             top_level: TopLevel { nodes: 0 },
@@ -119,16 +111,16 @@ impl WgslTrace {
     /// `Device`: also when all meshes together do not fit into one binding.
     pub fn sync(&mut self, gpu: &Gpu, scene: &TraceScene) -> Result<Vec<&'static str>> {
         let used = scene.tlas.order().iter().map(|&i| &scene.placed[i as usize].blas);
-        let held: BTreeMap<u64, Arc<Blas>> = used.map(|blas| (address(blas), Arc::clone(blas))).collect();
-        let nodes: Vec<(u64, usize)> = held.iter().map(|(&id, blas)| (id, blas.nodes_bvh2().len())).collect();
-        let triangles: Vec<(u64, usize)> = held.iter().map(|(&id, blas)| (id, blas.triangle_order().len())).collect();
+        let meshes: BTreeMap<u64, &Blas> = used.map(|blas| (blas.id(), &**blas)).collect();
+        let nodes: Vec<(u64, usize)> = meshes.iter().map(|(&id, blas)| (id, blas.nodes_bvh2().len())).collect();
+        let triangles: Vec<(u64, usize)> = meshes.iter().map(|(&id, blas)| (id, blas.triangle_order().len())).collect();
         let mut sent = Vec::new();
-        let new_nodes = self.nodes.sync(gpu, &nodes, |id| tree_upload::within(held[&id].nodes_bvh2(), MESH_LEVELS))?;
-        let new_triangles = self.triangles.sync(gpu, &triangles, |id| tree_upload::triangles(&held[&id]))?;
+        let new_nodes =
+            self.nodes.sync(gpu, &nodes, |id| tree_upload::within(meshes[&id].nodes_bvh2(), MESH_LEVELS))?;
+        let new_triangles = self.triangles.sync(gpu, &triangles, |id| tree_upload::triangles(meshes[&id]))?;
         if new_nodes || new_triangles {
             sent.push("meshes");
         }
-        self.held = held;
         let top = tree_upload::within(scene.tlas.nodes_bvh2(), TOP_LEVELS);
         overwrite(gpu, &mut self.top_nodes, &top)?;
         let records = self.instance_records(scene);
@@ -141,7 +133,7 @@ impl WgslTrace {
     fn instance_records(&self, scene: &TraceScene) -> Vec<PlacedRecord> {
         let record = |&id: &u32| {
             let placed = &scene.placed[id as usize];
-            let mesh = address(&placed.blas);
+            let mesh = placed.blas.id();
             let [row_x, row_y, row_z] = placed.rows;
             PlacedRecord {
                 row_x,
