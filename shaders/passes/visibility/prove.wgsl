@@ -1,17 +1,19 @@
 // Prove: which tiles see a whole light, and which none of it, without a ray.
 // In     tile_bounds, the G-buffer, the trees (common/bvh). Out: LIT or DARK in tile_flags
-// Rule   a thread has a tile. LIT: no triangle that reaches the hull of the tile's ray origins and the light can lie
+// Rule   a workgroup has a tile: its threads share the nodes of one level of the trees after the other, then each has a
+//        pixel. No order shows. LIT: no triangle that reaches the hull of the tile's ray origins and the light can lie
 //        between the light and any of its pixels. DARK: one triangle hides the light from the whole tile; it is looked
 //        for along the line of their middles.
 // Limits NODES and TRIANGLES a tile, then nothing is proven. Deviation from the native form: shading normals do not
 //        count, and what the pixels of a flat tile have in common is not used; both prove a little more there.
 
-import package::common::bvh::{Node, STACK, Triangle, instances, mesh_nodes, top_level, top_nodes, triangles};
+import package::common::bvh::{Node, instances, mesh_nodes, top_level, top_nodes, triangles};
 import package::common::gbuffer::floats;
 import package::common::grid::{Grid, item_index};
 import package::common::light_frame::{BACK, DARK, FACING, LIT, LightFrame, MIXED_SIDES, TileBounds};
 import package::common::ray::MISS;
 import package::common::separation::{Box, Corners, beside_pyramid, box_heights, hides, hull_meets, one_side, plane_of, under_horizon};
+import package::common::to_light::{ToLight, box_in_light, corners_in_light, dual, to_light};
 import package::common::tiles::{TILE_PIXELS, pixel_in_tile_order};
 
 struct ProveParams {
@@ -21,10 +23,9 @@ struct ProveParams {
     pad1: u32,
 }
 
+const SIZE: u32 = 64u;
 const NODES: u32 = 512u;        // of binary trees
 const TRIANGLES: u32 = 32u;
-// Rounding of a coordinate as a share of the largest term in it: 16 units in the last place.
-const ROUNDING: f32 = 9.5367431640625e-7;
 
 @group(0) @binding(30) var<uniform> grid: Grid;
 @group(0) @binding(0) var<uniform> params: ProveParams;
@@ -34,166 +35,139 @@ const ROUNDING: f32 = 9.5367431640625e-7;
 @group(0) @binding(4) var<storage, read> g_geometric: array<vec4u>;
 @group(0) @binding(5) var<storage, read_write> tile_flags: array<u32>;
 
-// An affine map into the light's coordinates: rows, offset, and a bound of what rounding does.
-struct ToLight {
-    rows: mat3x3f,  // a column is a row of the map
-    at: vec3f,
-    slack: vec3f,
-}
-
 struct Tile {
-    index: u32,
     origin: Box,
     light: Box,
     scene: ToLight,
     edges: mat3x3f, // takes a normal to the light's coordinates
     far: f32,
-    nodes: u32,     // left to visit
-    triangles: u32, // left to test
 }
 
-fn size(v: vec3f) -> f32 {
-    return dot(abs(v), vec3f(1.0));
-}
+// Nodes to visit, of this level and of the next: an instance's slot and 1, or 0 for the top level; the node in its tree.
+var<workgroup> open: array<vec2u, 2 * NODES>;
+var<workgroup> opened: atomic<u32>;
+// What may hide some of the light, or what hides all of it.
+var<workgroup> suspects: array<Corners, TRIANGLES>;
+var<workgroup> suspected: atomic<u32>;
+var<workgroup> harmed: atomic<u32>;
+// For all threads to see the same.
+var<workgroup> shared_size: u32;
+var<workgroup> shared_count: u32;
 
-// The transposed inverse: of rows the columns of the inverse.
-fn dual(m: mat3x3f) -> mat3x3f {
-    let x = cross(m[1], m[2]);
-    let y = cross(m[2], m[0]);
-    let z = cross(m[0], m[1]);
-    return mat3x3f(x, y, z) * (1.0 / dot(m[0], x));
-}
-
-// From a space with origin `center` (seen from the light's corner) and these columns, reaching `reach`.
-fn to_light(rows: mat3x3f, columns: mat3x3f, center: vec3f, reach: f32, far: f32) -> ToLight {
-    let turned = mat3x3f(rows[0] * columns, rows[1] * columns, rows[2] * columns);
-    let own = vec3f(size(turned[0]), size(turned[1]), size(turned[2]));
-    let whole = vec3f(size(rows[0]), size(rows[1]), size(rows[2]));
-    return ToLight(turned, center * rows, ROUNDING * (own * reach + whole * far));
-}
-
-fn place(map: ToLight, p: vec3f) -> vec3f {
-    return p * map.rows + map.at;
-}
-
-fn box_in_light(map: ToLight, node: Node) -> Box {
-    let half = 0.5 * (node.hi - node.lo);
-    let middle = place(map, node.lo + half);
-    let reach = half * mat3x3f(abs(map.rows[0]), abs(map.rows[1]), abs(map.rows[2]));
-    return Box(middle - reach, middle + reach);
-}
-
-fn corners_in_light(map: ToLight, t: Triangle) -> Corners {
-    return Corners(place(map, t.a), place(map, t.b), place(map, t.c), map.slack);
-}
-
-// True when the pixel may face the light and the triangle may hide some of the light from it.
-fn harms_pixel(tile: ptr<function, Tile>, t: Corners, pixel: vec2u) -> bool {
+// True when the pixel may face the light and a suspect may hide some of the light from it.
+fn harms_pixel(tile: Tile, count: u32, pixel: vec2u) -> bool {
     let at = pixel.y * params.width + pixel.x;
     if pixel.x >= params.width || pixel.y >= params.height || g_geometric[at].w == MISS {
         return false;
     }
     let position = g_position[at];
     let normal_geo = floats(g_geometric[at]);
-    let origin = (floats(position) + normal_geo * bitcast<f32>(position.w) - frame.corner) * (*tile).scene.rows;
-    let normal = normal_geo * (*tile).edges;
-    let slack = (*tile).scene.slack;
+    let origin = (floats(position) + normal_geo * bitcast<f32>(position.w) - frame.corner) * tile.scene.rows;
+    let normal = normal_geo * tile.edges;
+    let slack = tile.scene.slack;
     // Facing pixels lie inside the bounds, which were found by the same sums; the highest corner must be in sight.
-    let highest = dot(max(-origin * normal, ((*tile).light.hi - origin) * normal), vec3f(1.0));
-    let outside = any(origin < (*tile).origin.lo - slack) || any(origin > (*tile).origin.hi + slack);
+    let highest = dot(max(-origin * normal, (tile.light.hi - origin) * normal), vec3f(1.0));
+    let outside = any(origin < tile.origin.lo - slack) || any(origin > tile.origin.hi + slack);
     if outside || highest <= -dot(abs(normal), slack) {
         return false;
     }
-    let here = box_heights(plane_of(t), Box(origin, origin));
-    let light = box_heights(plane_of(t), (*tile).light);
-    return !one_side(plane_of(t), here, light) && !under_horizon(t, origin, normal)
-        && !beside_pyramid(t, origin, (*tile).light.hi.xy);
-}
-
-fn harms(tile: ptr<function, Tile>, t: Corners) -> bool {
-    for (var i = 0u; i < TILE_PIXELS; i++) {
-        if harms_pixel(tile, t, pixel_in_tile_order((*tile).index * TILE_PIXELS + i, params.width)) {
+    for (var i = 0u; i < count; i++) {
+        let t = suspects[i];
+        let plane = plane_of(t);
+        let apart = one_side(plane, box_heights(plane, Box(origin, origin)), box_heights(plane, tile.light));
+        if !apart && !under_horizon(t, origin, normal) && !beside_pyramid(t, origin, tile.light.hi.xy) {
             return true;
         }
     }
     return false;
 }
 
-// True when the search is over: with `dark` a triangle of the leaf hides all, else one may hide some.
-fn test_leaf(tile: ptr<function, Tile>, map: ToLight, node: Node, base: u32, dark: bool) -> bool {
+fn test_leaf(tile: Tile, map: ToLight, node: Node, base: u32, dark: bool) {
     for (var i = 0u; i < node.count; i++) {
         let t = corners_in_light(map, triangles[base + node.first + i]);
         if dark {
-            if hides(t, (*tile).origin, (*tile).light) {
-                return true;
+            if hides(t, tile.origin, tile.light) {
+                atomicAdd(&suspected, 1u);
             }
             continue;
         }
         let reached = Box(min(min(t.a, t.b), t.c), max(max(t.a, t.b), t.c));
         let plane = plane_of(t);
-        let apart = one_side(plane, box_heights(plane, (*tile).origin), box_heights(plane, (*tile).light));
-        if apart || !hull_meets((*tile).origin, (*tile).light, 2.0 * map.slack, reached) {
-            continue;
-        }
-        if (*tile).triangles == 0u || harms(tile, t) {
-            return true;
-        }
-        (*tile).triangles--;
-    }
-    return false;
-}
-
-// Walks through all that segments between two boxes reach; true as for test_leaf.
-fn walk(tile: ptr<function, Tile>, start: Box, end: Box, dark: bool) -> bool {
-    var stack: array<u32, STACK>;
-    var depth = select(0u, 1u, top_level.nodes > 0u);
-    var bottom = 0u;    // entries above it are of the mesh that the walk is in
-    var map = (*tile).scene;
-    var first_node = 0u;
-    var first_triangle = 0u;
-    var inside = false;
-    while depth > 0u {
-        if inside && depth == bottom {
-            inside = false;
-            map = (*tile).scene;
-        }
-        depth--;
-        var node: Node;
-        if inside {
-            node = mesh_nodes[first_node + stack[depth]];
-        } else {
-            node = top_nodes[stack[depth]];
-        }
-        if (*tile).nodes == 0u {
-            return !dark;
-        }
-        (*tile).nodes--;
-        if !hull_meets(start, end, 2.0 * map.slack, box_in_light(map, node)) {
-            continue;
-        }
-        if node.count == 0u {
-            stack[depth] = node.first;
-            stack[depth + 1u] = node.first + 1u;
-            depth += 2u;
-        } else if !inside {
-            let placed = instances[node.first];
-            let linear = dual(mat3x3f(placed.row_x, placed.row_y, placed.row_z));
-            // The dual has the inverse's columns: a row of the map is a row of the frame times the inverse.
-            map = to_light((*tile).scene.rows, linear, placed.center - frame.corner, abs(placed.reach), (*tile).far);
-            first_node = placed.node;
-            first_triangle = placed.triangle;
-            inside = true;
-            bottom = depth;
-            stack[depth] = 0u;
-            depth++;
-        } else if test_leaf(tile, map, node, first_triangle, dark) {
-            return true;
+        let apart = one_side(plane, box_heights(plane, tile.origin), box_heights(plane, tile.light));
+        if !apart && hull_meets(tile.origin, tile.light, 2.0 * map.slack, reached) {
+            let at = atomicAdd(&suspected, 1u);
+            if at < TRIANGLES {
+                suspects[at] = t;
+            }
         }
     }
-    return false;
 }
 
-fn prove(index: u32, known: u32) -> u32 {
+fn visit(tile: Tile, start: Box, end: Box, at: vec2u, next: u32, dark: bool) {
+    var map = tile.scene;
+    var node: Node;
+    var base = 0u;
+    if at.x == 0u {
+        node = top_nodes[at.y];
+    } else {
+        let placed = instances[at.x - 1u];
+        let linear = dual(mat3x3f(placed.row_x, placed.row_y, placed.row_z));
+        // The dual has the inverse's columns: a row of the map is a row of the frame times the inverse.
+        map = to_light(tile.scene.rows, linear, placed.center - frame.corner, abs(placed.reach), tile.far);
+        node = mesh_nodes[placed.node + at.y];
+        base = placed.triangle;
+    }
+    if !hull_meets(start, end, 2.0 * map.slack, box_in_light(map, node)) {
+        return;
+    }
+    // More than NODES are one level's end, so that none need be kept.
+    if node.count == 0u {
+        let k = atomicAdd(&opened, 2u);
+        if k + 1u < NODES {
+            open[next + k] = vec2u(at.x, node.first);
+            open[next + k + 1u] = vec2u(at.x, node.first + 1u);
+        }
+    } else if at.x == 0u {
+        let k = atomicAdd(&opened, 1u);
+        if k < NODES {
+            open[next + k] = vec2u(node.first + 1u, 0u);
+        }
+    } else {
+        test_leaf(tile, map, node, base, dark);
+    }
+}
+
+// Visits all that segments between two boxes reach. How many suspects there are; more than TRIANGLES when there are too
+// many of them, or of nodes; with `dark` what hides all, and 0 when there are too many nodes. Called by all threads.
+fn search(tile: Tile, start: Box, end: Box, dark: bool, lane: u32) -> u32 {
+    if lane == 0u {
+        open[0] = vec2u(0u);
+        atomicStore(&opened, 0u);
+        atomicStore(&suspected, 0u);
+        shared_size = select(0u, 1u, top_level.nodes > 0u);
+    }
+    var size = workgroupUniformLoad(&shared_size);
+    var count = 0u;
+    var visited = size;
+    var here = 0u;
+    while size > 0u && visited <= NODES && count <= select(TRIANGLES, 0u, dark) {
+        for (var i = lane; i < size; i += SIZE) {
+            visit(tile, start, end, open[here + i], NODES - here, dark);
+        }
+        workgroupBarrier();
+        if lane == 0u {
+            shared_size = atomicExchange(&opened, 0u);
+            shared_count = atomicLoad(&suspected);
+        }
+        size = workgroupUniformLoad(&shared_size);
+        count = workgroupUniformLoad(&shared_count);
+        visited += size;
+        here = NODES - here;
+    }
+    return select(count, select(TRIANGLES + 1u, count, dark), visited > NODES);
+}
+
+fn tile_at(index: u32, known: u32) -> Tile {
     let bounds = tile_bounds[index];
     let normal = select(frame.normal, -frame.normal, (known & BACK) != 0u);
     let rows = mat3x3f(frame.dual_u, frame.dual_v, normal);
@@ -203,32 +177,59 @@ fn prove(index: u32, known: u32) -> u32 {
     let identity = mat3x3f(1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0);
     let scene = to_light(rows, identity, -frame.corner, far, far);
     let light = Box(vec3f(0.0), vec3f(frame.extent_a, frame.extent_b, 0.0));
-    let origin = Box(bounds.lo, bounds.hi);
-    var tile = Tile(index, origin, light, scene, dual(rows), far, NODES, TRIANGLES);
-    // On the light's own plane nothing can be told apart.
-    if !(origin.lo.z > scene.slack.z) {
-        return 0u;
-    }
-    if !walk(&tile, origin, light, false) {
-        return LIT;
-    }
-    tile.nodes = NODES;
-    let here = 0.5 * (origin.lo + origin.hi);
-    let there = 0.5 * light.hi;
-    return select(0u, DARK, walk(&tile, Box(here, here), Box(there, there), true));
+    return Tile(Box(bounds.lo, bounds.hi), light, scene, dual(rows), far);
 }
 
-@compute @workgroup_size(64)
+// Whether any pixel of the tile is harmed by any suspect; called by all threads.
+fn harms(tile: Tile, count: u32, pixel: vec2u, lane: u32) -> bool {
+    if lane == 0u {
+        atomicStore(&harmed, 0u);
+    }
+    workgroupBarrier();
+    if harms_pixel(tile, count, pixel) {
+        atomicStore(&harmed, 1u);
+    }
+    workgroupBarrier();
+    if lane == 0u {
+        shared_count = atomicLoad(&harmed);
+    }
+    return workgroupUniformLoad(&shared_count) != 0u;
+}
+
+// What is proven; called by all threads.
+fn prove(tile: Tile, pixel: vec2u, lane: u32) -> u32 {
+    let count = search(tile, tile.origin, tile.light, false, lane);
+    if count <= TRIANGLES {
+        if !harms(tile, count, pixel, lane) {
+            return LIT;
+        }
+    }
+    let here = 0.5 * (tile.origin.lo + tile.origin.hi);
+    let there = 0.5 * tile.light.hi;
+    return select(0u, DARK, search(tile, Box(here, here), Box(there, there), true, lane) > 0u);
+}
+
+// An item is a pixel of a tile.
+@compute @workgroup_size(SIZE)
 fn main(
     @builtin(workgroup_id) group: vec3u,
     @builtin(num_workgroups) groups: vec3u,
     @builtin(local_invocation_index) lane: u32,
 ) {
-    let i = item_index(grid, group, groups, 64u, lane);
-    if i < grid.end {
-        let known = tile_flags[i];
-        if (known & (FACING | MIXED_SIDES | LIT | DARK)) == FACING {
-            tile_flags[i] = known | prove(i, known);
-        }
+    let first = item_index(grid, group, groups, SIZE, 0u);
+    let index = select(0u, first / SIZE, first < grid.end);
+    let known = tile_flags[index];
+    let tile = tile_at(index, known);
+    // On the light's own plane nothing can be told apart.
+    let asked = (known & (FACING | MIXED_SIDES | LIT | DARK)) == FACING && tile.origin.lo.z > tile.scene.slack.z;
+    if lane == 0u {
+        shared_count = select(0u, 1u, asked && first < grid.end);
+    }
+    if workgroupUniformLoad(&shared_count) == 0u {
+        return;
+    }
+    let proven = prove(tile, pixel_in_tile_order(index * TILE_PIXELS + lane, params.width), lane);
+    if lane == 0u {
+        tile_flags[index] = known | proven;
     }
 }

@@ -101,5 +101,5 @@ fn record(
         .bind("tile_flags", tile_flags)
         .bind("g_position", &gbuffer.position)
         .bind("g_geometric", &gbuffer.geometric)
-        .dispatch_cut((view.tiled / TILE_PIXELS) as usize, RAYS_A_TILE * wgsl.ns_per_ray)
+        .dispatch_cut(view.tiled as usize, RAYS_A_TILE / f64::from(TILE_PIXELS) * wgsl.ns_per_ray)
 }

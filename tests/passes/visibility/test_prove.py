@@ -117,7 +117,7 @@ def _run(runner: Runner, light: Light, tiles: Tiles, objects: list[Object]) -> N
     )
     out = runner(
         "passes/visibility/prove",
-        len(tiles.flags),
+        64 * len(tiles.flags),
         params=record(PROVE, width=8 * WIDE, height=8 * HIGH),
         frame=frame,
         tile_bounds=bounds,
