@@ -3,7 +3,7 @@
 mod read;
 mod read_levels;
 
-use std::sync::{Mutex, MutexGuard};
+use std::sync::{Arc, Mutex, MutexGuard};
 use std::time::Instant;
 
 use crate::error::{Error, Result};
@@ -55,6 +55,8 @@ struct Kept {
     view: View,
     anchor: glam::DVec3,
     gbuffer: GBuffer,
+    /// What its pixels see, once someone asked.
+    kinds: Mutex<Option<Arc<[u32]>>>,
     images: Images,
     irradiance: [Option<Buffer<[f32; 4]>>; 2],
     /// Level and reason of each pixel's fragment, unless every fragment is a pixel.
@@ -195,15 +197,17 @@ impl Renderer {
         let valid = Valid { gbuffer: !repainted && seen == Some((view, state.placed.version())) };
         let plan = plan(SceneFacts::of(snapshot), settings, valid);
         let (kept, work) = state.passes(&mut recorder, &plan, &prepared, settings, view)?;
-        let times = recorder.finish()?;
+        let counts: Vec<&Buffer<u32>> = work.active.iter().chain(state.tracer.counter()).collect();
+        let (times, counted) = recorder.finish_and_fetch(&counts)?;
         state.seen = Some((view, state.placed.version()));
-        let active = work.active.map(|active| self.gpu.read(&active)).transpose()?.map_or(0, |a| u64::from(a[0]));
+        let active = if work.active.is_some() { u64::from(counted[0][0]) } else { 0 };
+        let device_rays = state.tracer.counted(&self.gpu, counted.last().map_or(&[], Vec::as_slice))?;
         let mut stats = statistics(&plan, times, started);
         stats.levels.iter_mut().for_each(|(level, nodes, _)| *nodes = kept.nodes(*level));
         stats.extra_samples = kept.extra_samples(&self.gpu)?;
         let specular_fragments = kept.specular_levels.is_some();
         state.kept = Some(kept);
-        stats.rays = work.rays + state.tracer.device_rays(&self.gpu)?;
+        stats.rays = work.rays + device_rays;
         stats.light_evaluations = (active + stats.extra_samples) * work.samples;
         stats.rebuilt = rebuilt.into_iter().map(str::to_owned).collect();
         stats.device_bytes = self.gpu.allocated_bytes();
@@ -323,6 +327,7 @@ impl State {
                 view,
                 anchor: prepared.anchor,
                 gbuffer,
+                kinds: Mutex::default(),
                 images,
                 irradiance,
                 levels,

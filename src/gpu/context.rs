@@ -4,15 +4,17 @@ use std::collections::HashMap;
 use std::mem::ManuallyDrop;
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::{Arc, Mutex, MutexGuard};
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
 use crate::error::{Error, Result};
 use crate::gpu::kernel::{Kernel, KernelKey};
-use crate::gpu::timing::QueryPool;
+use crate::gpu::timing::{QueryPool, Work};
 
 /// A submission that takes longer than this counts as a hang. Pieces are cut to about 0.1 s, so it
 /// leaves three orders of magnitude for machines that are slower or busy.
 const HANG: Duration = Duration::from_secs(120);
+/// So long a thread asks whether the device is done before it sleeps.
+const SPIN: Duration = Duration::from_millis(2);
 
 /// What is known of an adapter before a device is made of it.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -115,6 +117,8 @@ pub(crate) struct Shared {
     stray: Arc<Mutex<Option<String>>>,
     pub(crate) kernels: Mutex<HashMap<KernelKey, Arc<Kernel>>>,
     pub(crate) queries: QueryPool,
+    /// What copies to the host land in, kept: drivers take milliseconds to make a large one.
+    pub(crate) landing: Mutex<Option<wgpu::Buffer>>,
     pub(crate) allocated: Arc<AtomicU64>,
     /// Measured cost of an item of a kernel, nanoseconds: better than the caller's estimate.
     pub(crate) rates: Mutex<HashMap<String, f64>>,
@@ -181,6 +185,7 @@ impl Gpu {
             lost,
             stray,
             kernels: Mutex::default(),
+            landing: Mutex::default(),
             allocated: Arc::default(),
             rates: Mutex::default(),
         })))
@@ -241,12 +246,29 @@ impl Gpu {
 
     pub(crate) fn wait_for(&self, index: Option<wgpu::SubmissionIndex>) -> Result<()> {
         self.check()?;
+        if index.is_none() && self.spin()? {
+            return self.check();
+        }
         let poll = wgpu::PollType::Wait { submission_index: index, timeout: Some(HANG) };
         let polled = self.scoped("waiting for the device", || self.device().poll(poll))?;
         self.check()?;
         polled
             .map(|_| ())
             .map_err(|e| Error::Device(format!("the device did not answer for {} s: {e}", HANG.as_secs())))
+    }
+
+    /// Asks for a moment again and again whether everything is done; whoever sleeps is woken late, and a frame waits a
+    /// dozen times. A software adapter needs the cores itself.
+    fn spin(&self) -> Result<bool> {
+        let started = Instant::now();
+        while !self.software() && started.elapsed() < SPIN {
+            let polled = self.scoped("waiting for the device", || self.device().poll(wgpu::PollType::Poll))?;
+            if polled.is_ok_and(|status| status.is_queue_empty()) {
+                return Ok(true);
+            }
+            std::hint::spin_loop();
+        }
+        Ok(false)
     }
 
     /// Destroys the device; every later use is an [`Error::Device`].
@@ -310,10 +332,12 @@ impl Gpu {
         &self.0.queue
     }
 
-    /// Notes what an item of a kernel costs. Times below a millisecond say more about starting a pass than about items.
-    pub(crate) fn learn(&self, kernel: &str, items: u64, ms: f64) {
-        if ms >= 1.0 && items > 0 {
-            lock(&self.0.rates).insert(kernel.to_string(), ms * 1e6 / items as f64);
+    /// Notes what an item of a kernel costs. Times below a millisecond say more about starting a pass than about items,
+    /// but that no item costs more than its part of one.
+    pub(crate) fn learn(&self, work: &Work, ms: f64) {
+        let rate = ms.max(1.0) * 1e6 / work.items.max(1) as f64;
+        if ms >= 1.0 || rate < work.rate {
+            lock(&self.0.rates).insert(work.kernel.clone(), rate);
         }
     }
 

@@ -11,6 +11,7 @@
 mod bind;
 mod context;
 mod kernel;
+mod landing;
 pub mod layout;
 mod locate;
 mod pass;

@@ -15,6 +15,7 @@ use crate::gpu::kernel::Kernel;
 use crate::gpu::recorder::{PIECE_NS, Recorder};
 use crate::gpu::reflect::BindingKind;
 use crate::gpu::resource::{Buffer, Slice, Usage};
+use crate::gpu::timing::Work;
 
 /// Name of the uniform that passes fill themselves.
 pub(crate) const GRID: &str = "grid";
@@ -41,8 +42,8 @@ pub struct Pass<'r, 'a> {
     pub(crate) stage: String,
     pub(crate) kernel: &'r Kernel,
     pub(crate) bound: Vec<(String, Bound<'r>)>,
-    /// Items whose time the next prediction may use.
-    work: Option<u64>,
+    /// Items whose time the next prediction may use, and what this one was.
+    work: Option<(u64, f64)>,
 }
 
 /// Workgroups along x and y for `groups` of them, none above `most`.
@@ -131,7 +132,7 @@ impl<'r, 'a> Pass<'r, 'a> {
                 self.recorder.check_cancel()?;
             }
             self.recorder.predicted_ns += predicted;
-            self.work = Some(items as u64);
+            self.work = Some((items as u64, rate));
             return self.piece(0, items as u64);
         }
         self.recorder.flush()?;
@@ -185,7 +186,7 @@ impl<'r, 'a> Pass<'r, 'a> {
         let gpu = self.recorder.gpu.clone();
         let stage = self.stage.clone();
         let started = Instant::now();
-        let work = self.work.map(|items| (kernel.label().to_string(), items));
+        let work = self.work.map(|(items, rate)| Work { kernel: kernel.label().to_string(), items, rate });
         let (encoder, clock) = self.recorder.parts();
         gpu.scoped(&format!("pass {stage:?}"), || {
             let timestamp_writes = clock.pass(&stage, work);

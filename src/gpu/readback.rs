@@ -41,17 +41,6 @@ impl Gpu {
         Err(Error::Device("a buffer could not be mapped: is it lent twice?".to_string()))
     }
 
-    /// Reads a whole buffer; waits for the work submitted before.
-    ///
-    /// # Errors
-    /// [`Error::Device`].
-    pub fn read<T: Pod + Send>(&self, buffer: &Buffer<T>) -> Result<Vec<T>> {
-        let mut readback = self.readback();
-        let ticket = readback.add(buffer, 0..buffer.len())?;
-        let mut landed = readback.wait()?;
-        Ok(landed.take(ticket))
-    }
-
     /// Starts to collect buffers that are read together.
     pub fn readback(&self) -> Readback<'_> {
         Readback { gpu: self, parts: Vec::new(), bytes: 0 }
@@ -123,6 +112,9 @@ impl Readback<'_> {
         let copied: Result<Vec<_>> =
             parts.iter().zip(&places).map(|(part, (raw, range))| copy_out(raw, range, part.decode).map(Some)).collect();
         mapped.iter().for_each(|(raw, _)| raw.unmap());
+        if let Some(staging) = staging.clone() {
+            gpu.give_back(staging);
+        }
         Ok(Landed(copied?))
     }
 }
@@ -135,12 +127,7 @@ fn stage(gpu: &Gpu, parts: &[Part], bytes: u64) -> Result<wgpu::Buffer> {
         )));
     }
     gpu.scoped("reading back", || {
-        let staging = gpu.device().create_buffer(&wgpu::BufferDescriptor {
-            label: Some("readback"),
-            size: bytes,
-            usage: wgpu::BufferUsages::MAP_READ | wgpu::BufferUsages::COPY_DST,
-            mapped_at_creation: false,
-        });
+        let staging = gpu.landing(bytes);
         let mut encoder = gpu.device().create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
         for part in parts.iter().filter(|p| p.bytes > 0) {
             if let Some(at) = part.staged {

@@ -7,6 +7,7 @@ use bytemuck::Pod;
 use crate::error::{Error, Result};
 use crate::gpu::context::Gpu;
 use crate::gpu::kernel::Kernel;
+use crate::gpu::landing::Landing;
 use crate::gpu::pass::Pass;
 use crate::gpu::resource::Buffer;
 use crate::gpu::staging::Staging;
@@ -182,15 +183,50 @@ impl<'a> Recorder<'a> {
         Ok(())
     }
 
+    /// The words of some buffers after everything recorded so far: one submission and one wait.
+    ///
+    /// # Errors
+    /// [`Error::Device`], [`Error::Cancelled`].
+    pub fn fetch(&mut self, buffers: &[&Buffer<u32>]) -> Result<Vec<Vec<u32>>> {
+        let gpu = self.gpu.clone();
+        if buffers.iter().any(|buffer| buffer.mappable()) {
+            self.flush()?;
+            gpu.wait()?;
+            self.check_cancel()?;
+            return buffers.iter().map(|buffer| gpu.read(buffer)).collect();
+        }
+        let landing = Landing::of(&gpu, buffers, self.encoder())?;
+        self.flush()?;
+        let words = landing.look(&gpu, |parts| parts.iter().map(|part| part.to_vec()).collect())?;
+        self.check_cancel()?;
+        Ok(words)
+    }
+
     /// Submits and waits for everything, and returns where the time went.
     ///
     /// # Errors
     /// [`Error::Device`], [`Error::Cancelled`].
-    pub fn finish(mut self) -> Result<Times> {
-        self.flush()?;
-        self.gpu.wait()?;
-        self.check_cancel()?;
-        self.clock.finish(&self.gpu)
+    pub fn finish(self) -> Result<Times> {
+        self.finish_and_fetch(&[]).map(|(times, _)| times)
+    }
+
+    /// As [`Recorder::finish`], with the words of some buffers, for which it need not wait again.
+    ///
+    /// # Errors
+    /// As [`Recorder::finish`].
+    pub fn finish_and_fetch(mut self, buffers: &[&Buffer<u32>]) -> Result<(Times, Vec<Vec<u32>>)> {
+        let (encoder, clock) = self.parts();
+        clock.resolve(encoder);
+        let words = match buffers {
+            [] => {
+                self.flush()?;
+                self.gpu.wait()?;
+                self.check_cancel()?;
+                Vec::new()
+            }
+            _ => self.fetch(buffers)?,
+        };
+        Ok((self.clock.finish(&self.gpu)?, words))
     }
 
     /// Asks the caller whether to go on.

@@ -83,11 +83,18 @@ impl QueryPool {
     }
 }
 
+/// What a later prediction can use the time of.
+pub(crate) struct Work {
+    pub(crate) kernel: String,
+    pub(crate) items: u64,
+    /// Predicted cost of an item, nanoseconds.
+    pub(crate) rate: f64,
+}
+
 /// A pass whose timestamps are not read yet.
 struct Timed {
     stage: String,
-    /// Kernel and items, where a later prediction can use the time.
-    work: Option<(String, u64)>,
+    work: Option<Work>,
 }
 
 /// Collects the times of one recording.
@@ -97,6 +104,8 @@ pub(crate) struct Clock {
     set: Option<QuerySet>,
     /// For each pair of queries written since the last reading.
     pending: Vec<Timed>,
+    /// Their copy to the host is recorded.
+    resolved: bool,
     ns_per_tick: f64,
 }
 
@@ -115,7 +124,7 @@ impl Clock {
             }
         };
         let ns_per_tick = pool.nanoseconds_per_tick.unwrap_or(0.0);
-        Ok(Self { started, times: Times::default(), set, pending: Vec::new(), ns_per_tick })
+        Ok(Self { started, times: Times::default(), set, pending: Vec::new(), resolved: false, ns_per_tick })
     }
 
     /// True when passes carry timestamps; else each is waited for and timed by the wall clock.
@@ -128,12 +137,8 @@ impl Clock {
         self.pending.len() >= PASSES
     }
 
-    /// Timestamps for a pass of that stage; `work` names the kernel and its items, where the time teaches something.
-    pub(crate) fn pass(
-        &mut self,
-        stage: &str,
-        work: Option<(String, u64)>,
-    ) -> Option<wgpu::ComputePassTimestampWrites<'_>> {
+    /// Timestamps for a pass of that stage; `work`: where the time teaches something.
+    pub(crate) fn pass(&mut self, stage: &str, work: Option<Work>) -> Option<wgpu::ComputePassTimestampWrites<'_>> {
         // The order of first use is that of recording, not of reading.
         self.times.add(stage, 0.0);
         let set = self.set.as_ref()?;
@@ -151,32 +156,42 @@ impl Clock {
         self.times.add(stage, ms);
     }
 
+    /// Records the copy of the timestamps to the host behind the passes that they belong to.
+    pub(crate) fn resolve(&mut self, encoder: &mut wgpu::CommandEncoder) {
+        if let Some(set) = self.set.as_ref().filter(|_| !self.pending.is_empty() && !self.resolved) {
+            let count = 2 * self.pending.len() as u32;
+            encoder.resolve_query_set(&set.set, 0..count, &set.resolved, 0);
+            encoder.copy_buffer_to_buffer(&set.resolved, 0, &set.landed, 0, 8 * u64::from(count));
+            self.resolved = true;
+        }
+    }
+
     /// Reads the timestamps written so far; all passes must be submitted.
     pub(crate) fn collect(&mut self, gpu: &Gpu) -> Result<()> {
-        let Some(set) = self.set.as_ref().filter(|_| !self.pending.is_empty()) else {
+        if !self.resolved {
+            gpu.scoped("reading timestamps", || {
+                let mut encoder = gpu.device().create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
+                self.resolve(&mut encoder);
+                gpu.queue().submit([encoder.finish()]);
+            })?;
+        }
+        let Some(set) = self.set.as_ref().filter(|_| self.resolved) else {
             return Ok(());
         };
-        let count = 2 * self.pending.len() as u32;
-        let bytes = 8 * u64::from(count);
-        let ticks = gpu.scoped("reading timestamps", || {
-            let mut encoder = gpu.device().create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
-            encoder.resolve_query_set(&set.set, 0..count, &set.resolved, 0);
-            encoder.copy_buffer_to_buffer(&set.resolved, 0, &set.landed, 0, bytes);
-            gpu.queue().submit([encoder.finish()]);
-            gpu.map(&set.landed, wgpu::MapMode::Read, 0..bytes)
-        })?;
-        ticks?;
+        let bytes = 16 * self.pending.len() as u64;
+        gpu.map(&set.landed, wgpu::MapMode::Read, 0..bytes)?;
         let read = set.landed.get_mapped_range(0..bytes).map(|view| bytemuck::pod_collect_to_vec::<u8, u64>(&view));
         set.landed.unmap();
         let read = read.map_err(|e| crate::error::Error::Device(format!("reading timestamps: {e}")))?;
         for (Timed { stage, work }, pair) in self.pending.iter().zip(read.chunks_exact(2)) {
             let ms = pair[1].saturating_sub(pair[0]) as f64 * self.ns_per_tick * 1e-6;
             self.times.add(stage, ms);
-            if let Some((kernel, items)) = work {
-                gpu.learn(kernel, *items, ms);
+            if let Some(work) = work {
+                gpu.learn(work, ms);
             }
         }
         self.pending.clear();
+        self.resolved = false;
         Ok(())
     }
 

@@ -1,6 +1,9 @@
 //! Reading a frame's resources back, by name.
 
+use std::sync::{Arc, PoisonError};
+
 use glam::{DVec3, Vec3};
+use rayon::prelude::*;
 
 use super::read_levels::is_level_name;
 use super::{Kept, Renderer};
@@ -99,7 +102,7 @@ impl Kept {
                 let buffer = &self.irradiance[usize::from(name == "indirect_irradiance")];
                 let (width, height) = (self.view.width, self.view.height);
                 let pixels = match buffer {
-                    Some(buffer) => three(&gpu.read(buffer)?),
+                    Some(buffer) => gpu.look(buffer, three)?,
                     None => vec![0.0; 3 * self.view.pixels()],
                 };
                 Ok(Image { width, height, pixels: Pixels::Rgb(pixels) })
@@ -112,7 +115,7 @@ impl Kept {
             "specular_radiance" => {
                 let (width, height) = (self.view.width, self.view.height);
                 let pixels = match &self.specular {
-                    Some(buffer) => three(&gpu.read(buffer)?),
+                    Some(buffer) => gpu.look(buffer, three)?,
                     None => vec![0.0; 3 * self.view.pixels()],
                 };
                 Ok(Image { width, height, pixels: Pixels::Rgb(pixels) })
@@ -127,49 +130,60 @@ impl Kept {
         if let Some(maps) = &self.levels {
             return self.bytes(gpu, &maps[usize::from(!level)]);
         }
-        let byte = |row: &Row| match (row[3], level) {
+        let byte = |&kind: &u32| match (kind, level) {
             (NOTHING, _) => LEVEL_NOTHING,
             (SURFACE, true) => 0,
             (SURFACE, false) => Reason::Coarsest as u8,
             (_, true) => LEVEL_CULLED,
             (_, false) => Reason::Emitter as u8,
         };
-        let bytes = gpu.read(&self.gbuffer.normal)?.iter().map(byte).collect();
+        let bytes = self.kinds(gpu)?.iter().map(byte).collect();
         Ok(Image { width: self.view.width, height: self.view.height, pixels: Pixels::Bytes(bytes) })
     }
 
     fn bytes(&self, gpu: &Gpu, map: &Buffer<u32>) -> Result<Image> {
-        let bytes = gpu.read(map)?.iter().map(|&word| word as u8).collect();
+        let bytes = gpu.look(map, |words| words.iter().map(|&word| word as u8).collect())?;
         Ok(Image { width: self.view.width, height: self.view.height, pixels: Pixels::Bytes(bytes) })
     }
 
+    /// What each internal pixel sees: read once for all masks and maps.
+    fn kinds(&self, gpu: &Gpu) -> Result<Arc<[u32]>> {
+        let mut kinds = self.kinds.lock().unwrap_or_else(PoisonError::into_inner);
+        if let Some(known) = &*kinds {
+            return Ok(Arc::clone(known));
+        }
+        let read: Arc<[u32]> = gpu.look(&self.gbuffer.normal, |rows| rows.iter().map(|row| row[3]).collect())?;
+        *kinds = Some(Arc::clone(&read));
+        Ok(read)
+    }
+
     fn aov(&self, gpu: &Gpu, frame: &FrameInfo, name: &str) -> Result<Pixels> {
-        let kinds = pick(&gpu.read(&self.gbuffer.normal)?, frame);
-        let rows = |buffer: &Buffer<Row>| gpu.read(buffer).map(|all| pick(&all, frame));
-        let seen = |row: &Row| row[3] != NOTHING;
+        let rows = |buffer: &Buffer<Row>| gpu.look(buffer, |all| pick(all, frame));
+        let kinds = pick(&self.kinds(gpu)?, frame);
         Ok(match name {
-            "light_mask" => Pixels::Mask(kinds.iter().map(|row| row[3] >= FIRST_LIGHT).collect()),
-            "surface_mask" => Pixels::Mask(kinds.iter().map(|row| row[3] == SURFACE).collect()),
+            "light_mask" => Pixels::Mask(kinds.iter().map(|&kind| kind >= FIRST_LIGHT).collect()),
+            "surface_mask" => Pixels::Mask(kinds.iter().map(|&kind| kind == SURFACE).collect()),
             "light" => {
-                Pixels::Words(kinds.iter().map(|row| row[3].wrapping_sub(FIRST_LIGHT)).map(light_or_none).collect())
+                Pixels::Words(kinds.iter().map(|kind| kind.wrapping_sub(FIRST_LIGHT)).map(light_or_none).collect())
             }
             "triangle" => Pixels::Words(rows(&self.gbuffer.geometric)?.iter().map(|row| row[3]).collect()),
             "instance" => Pixels::Words(rows(&self.gbuffer.albedo)?.iter().map(|row| row[3]).collect()),
-            "normal" => Pixels::Rgb(kinds.iter().flat_map(xyz).collect()),
+            "normal" => Pixels::Rgb(rows(&self.gbuffer.normal)?.iter().flat_map(xyz).collect()),
             "normal_geometric" => Pixels::Rgb(rows(&self.gbuffer.geometric)?.iter().flat_map(xyz).collect()),
             "albedo" => {
                 let albedo = rows(&self.gbuffer.albedo)?;
-                let surface = |(row, kind): (&Row, &Row)| if kind[3] == SURFACE { xyz(row) } else { [0.0; 3] };
+                let surface = |(row, &kind): (&Row, &u32)| if kind == SURFACE { xyz(row) } else { [0.0; 3] };
                 Pixels::Rgb(albedo.iter().zip(&kinds).flat_map(surface).collect())
             }
             "depth" => {
-                let depth = |(row, kind): (&Row, &Row)| if seen(kind) { self.depth(xyz(row)) } else { f32::INFINITY };
+                let depth =
+                    |(row, &kind): (&Row, &u32)| if kind != NOTHING { self.depth(xyz(row)) } else { f32::INFINITY };
                 Pixels::Scalar(rows(&self.gbuffer.position)?.iter().zip(&kinds).map(depth).collect())
             }
             _ => {
-                let world = |(row, kind): (&Row, &Row)| {
+                let world = |(row, &kind): (&Row, &u32)| {
                     let p = Vec3::from(xyz(row)).as_dvec3() + self.anchor;
-                    if seen(kind) { p } else { DVec3::ZERO }.as_vec3().to_array()
+                    if kind != NOTHING { p } else { DVec3::ZERO }.as_vec3().to_array()
                 };
                 Pixels::Rgb(rows(&self.gbuffer.position)?.iter().zip(&kinds).flat_map(world).collect())
             }
@@ -189,20 +203,30 @@ fn light_or_none(light: u32) -> u32 {
 }
 
 /// The internal pixel nearest the middle of each pixel of the image.
-fn pick(rows: &[Row], frame: &FrameInfo) -> Vec<Row> {
+fn pick<T: Copy>(rows: &[T], frame: &FrameInfo) -> Vec<T> {
     let s = frame.supersample as usize;
+    if s == 1 {
+        return rows.to_vec();
+    }
     let (width, height) = (frame.width as usize, frame.height as usize);
     let at = |i: usize| rows[(i / width * s + s / 2) * width * s + i % width * s + s / 2];
     (0..width * height).map(at).collect()
 }
 
+/// Pixels that a thread takes at once.
+const PART: usize = 1 << 14;
+
 fn three(rows: &[[f32; 4]]) -> Vec<f32> {
-    rows.iter().flat_map(|row| [row[0], row[1], row[2]]).collect()
+    let mut colors = vec![0.0; 3 * rows.len()];
+    colors.par_chunks_mut(3 * PART).zip(rows.par_chunks(PART)).for_each(|(colors, rows)| {
+        colors.chunks_exact_mut(3).zip(rows).for_each(|(color, row)| color.copy_from_slice(&row[..3]));
+    });
+    colors
 }
 
 fn rgb(gpu: &Gpu, buffer: Option<&Buffer<[f32; 4]>>, frame: &FrameInfo) -> Result<Pixels> {
     Ok(Pixels::Rgb(match buffer {
-        Some(buffer) => three(&gpu.read(buffer)?),
+        Some(buffer) => gpu.look(buffer, three)?,
         None => vec![0.0; 3 * frame.width as usize * frame.height as usize],
     }))
 }

@@ -18,8 +18,7 @@ pub fn record(context: &mut Context<'_, '_>, gbuffer: &GBuffer) -> Result<Direct
     let samples = light_samples::record(context)?;
     let occlusion = Occlusion::record(context, &samples)?;
     let listed = one_pass::record(context, gbuffer)?;
-    let arguments = &listed.arguments;
-    let count = context.recorder.host("fragment_list", |gpu, _| Ok(gpu.read(arguments)?[3] as usize))?;
+    let count = context.recorder.fetch(&[&listed.arguments])?[0][3] as usize;
     let active = context.resources.buffer("active_receivers", 1)?;
     active.write(context.recorder.gpu(), 0, &[count as u32])?;
     let own: Buffer<[f32; 4]> = context.resources.buffer("fragment_irradiance", count)?;

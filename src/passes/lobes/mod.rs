@@ -69,8 +69,7 @@ pub fn record(
     specular: &Buffer<[f32; 4]>,
 ) -> Result<[Buffer<u32>; 2]> {
     let listed = lobe_levels::record(context, gbuffer)?;
-    let arguments = &listed.arguments;
-    let count = context.recorder.host("lobe_list", |gpu, _| Ok(gpu.read(arguments)?[3] as usize))?;
+    let count = context.recorder.fetch(&[&listed.arguments])?[0][3] as usize;
     let lit: Buffer<[f32; 4]> = context.resources.buffer("lobe_fragments", count)?;
     context.recorder.clear(&lit)?;
     if count > 0 {

@@ -124,7 +124,7 @@ impl Nodes {
         };
         pass.bind("texel_state", state).bind("node_flags", &flags).dispatch(items)?;
         compact::record(context, "fragment_list", &flags, items, 1, 1, &list, &arguments)?;
-        let count = context.recorder.host("fragment_list", |gpu, _| Ok(gpu.read(&arguments)?[3] as usize))?;
+        let count = context.recorder.fetch(&[&arguments])?[0][3] as usize;
         let made = Level { count, ..made };
         self.make_room(context, made.first + count)?;
         self.levels.push(made);

@@ -171,7 +171,7 @@ fn trace(
     let list: Buffer<u32> = context.resources.buffer("lobe_list", places)?;
     let arguments = context.resources.buffer_for("lobe_arguments", 4, Usage::Indirect)?;
     compact::record(context, "lobe_list", flags, places, 1, 1, &list, &arguments)?;
-    let count = context.recorder.host("lobe_list", |gpu, _| Ok(gpu.read(&arguments)?[3] as usize))?;
+    let count = context.recorder.fetch(&[&arguments])?[0][3] as usize;
     let samples = (source.side * source.side) as usize;
     // Parts of the list are bound, which begin at multiples of 64 entries.
     let len = (RAYS / samples / 64 * 64).min(count.next_multiple_of(64)).max(64);

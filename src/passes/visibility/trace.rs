@@ -130,6 +130,19 @@ impl Tracer {
         })
     }
 
+    /// The count of rays on the device, for whoever reads it with other things; see [`Tracer::counted`].
+    pub fn counter(&self) -> Option<&Buffer<u32>> {
+        self.wgsl.as_ref().map(WgslTrace::counter)
+    }
+
+    /// Rays by the words that were read of the counter, which begins anew.
+    ///
+    /// # Errors
+    /// `Device`.
+    pub fn counted(&self, gpu: &Gpu, words: &[u32]) -> Result<u64> {
+        self.wgsl.as_ref().map_or(Ok(0), |wgsl| wgsl.counted(gpu, words))
+    }
+
     /// Rays that the device traced since the last call, 0 for the native form; waits for the device, so ask once a
     /// frame, after [`Recorder::finish`].
     ///

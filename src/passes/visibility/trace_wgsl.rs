@@ -228,7 +228,14 @@ impl WgslTrace {
     /// # Errors
     /// `Device`.
     pub fn take_rays(&self, gpu: &Gpu) -> Result<u64> {
-        let words = gpu.read(&self.counter)?;
+        self.counted(gpu, &gpu.read(&self.counter)?)
+    }
+
+    pub(super) fn counter(&self) -> &Buffer<u32> {
+        &self.counter
+    }
+
+    pub(super) fn counted(&self, gpu: &Gpu, words: &[u32]) -> Result<u64> {
         self.counter.write(gpu, 0, &[0, 0])?;
         Ok(u64::from(words[0]) | u64::from(words[1]) << 32)
     }
