@@ -48,13 +48,14 @@ fn share_at(pixel: vec2u) -> vec4f {
     return vec4f(value, select(1.0, 0.0, state == STATE_NONE));
 }
 
-fn tap(here: Place, center: vec2u, offset: vec2i, weight: f32) -> vec4f {
+// What it differs from the pixel's own: where nothing does, no rounding shows, however a device divides.
+fn tap(here: Place, center: vec2u, own: vec3f, offset: vec2i, weight: f32) -> vec4f {
     let pixel = vec2i(center) + offset;
     let inside = all(pixel >= vec2i(0)) && all(pixel < vec2i(i32(params.width), i32(params.height)));
     let at = select(center, vec2u(pixel), inside);
     let value = share_at(at);
     let w = select(0.0, weight, inside) * same_surface(here, index_of(at)) * select(0.0, 1.0, value.w > 0.0);
-    return vec4f(w * value.xyz, w);
+    return vec4f(w * (value.xyz - own), w);
 }
 
 // One axis: of the filter over pixels of this radius, and of 1 2 2 2 1 over cells, from a pixel beside the cell's middle.
@@ -79,7 +80,7 @@ fn place_at(at: u32) -> Place {
 // The average, but no farther from the pixel's own share than chance could have taken that.
 fn finish(sum: vec4f, at: u32) {
     let own = share[at];
-    let average = sum.xyz / max(sum.w, 1e-30);
+    let average = own.xyz + sum.xyz / max(sum.w, 1e-30);
     let reach = vec3f(TRUST * own.w);
     let kept = clamp(average, own.xyz - reach, own.xyz + reach);
     smooth_share[at] = vec4f(select(own.xyz, kept, sum.w > 0.0), own.w);
@@ -102,11 +103,12 @@ fn pixels(
     }
     let here = place_at(index_of(pixel));
     let radius = (cell_plan[index] >> PLAN_RADIUS_SHIFT) & 3u;
+    let own = share[index_of(pixel)].xyz;
     var sum = vec4f(0.0);
     for (var y = -2; y <= 2; y++) {
         let row = pixel_weight(radius, y);
         for (var x = -2; x <= 2; x++) {
-            sum += tap(here, pixel, vec2i(x, y), row * pixel_weight(radius, x));
+            sum += tap(here, pixel, own, vec2i(x, y), row * pixel_weight(radius, x));
         }
     }
     finish(sum, index_of(pixel));
@@ -130,11 +132,12 @@ fn cells(
     let here = place_at(index_of(pixel));
     // Towards the neighbour that this pixel of the cell lies nearer to.
     let towards = 2 * vec2i(pixel & vec2u(1u)) - 1;
+    let own = share[index_of(pixel)].xyz;
     var sum = vec4f(0.0);
     for (var y = -3; y <= 3; y++) {
         let row = beside_weight(y, towards.y);
         for (var x = -3; x <= 3; x++) {
-            sum += tap(here, pixel, 2 * vec2i(x, y), row * beside_weight(x, towards.x));
+            sum += tap(here, pixel, own, 2 * vec2i(x, y), row * beside_weight(x, towards.x));
         }
     }
     finish(sum, index_of(pixel));
