@@ -89,7 +89,12 @@ def frames(
     }
 
 
+def _traces(stage: str) -> bool:
+    """Whether the pass traces rays; steps through voxels are none."""
+    return stage.endswith(("/trace", "/shadow", "_trace", "_shadow")) and not stage.endswith("/voxel_shadow")
+
+
 def rays_per_second(row: dict[str, Any]) -> float:
     """Rays of all kinds by the time of the passes that trace."""
-    tracing = sum(ms for name, ms in row["stages"].items() if name.endswith(("/trace", "/shadow")))
+    tracing = sum(ms for name, ms in row["stages"].items() if _traces(name))
     return float(row["rays"] / (tracing / 1000.0)) if tracing > 0 else 0.0

@@ -165,8 +165,8 @@ fn views_read_and_write_in_place() {
 
 #[test]
 fn the_pool_reuses_and_grows() {
-    let _alone = alone();
-    let gpu = device();
+    // On a device of its own: the other tests allocate meanwhile.
+    let gpu = &Gpu::new("auto").unwrap();
     let before = gpu.allocated_bytes();
     let mut pool = Resources::new(gpu);
     let first = pool.buffer::<u32>("hits", 100).unwrap();

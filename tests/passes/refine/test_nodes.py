@@ -157,7 +157,7 @@ def test_two_by_two_neighbours_ask_all_four_sets(runner: Runner, rng: np.random.
     _, at, receivers = _write(runner, tree, level, 4)
     first = tree.texel_number(level, 0, 0)
     nodes = at[first : first + 40].reshape(5, 8).astype(int)
-    sets = np.where(nodes > 0, receivers["pattern"][nodes - 1] % 4, -1)
+    sets = np.where(nodes > 0, receivers["pattern"][nodes - 1].astype(int) % 4, -1)
     whole = 0
     for row in range(4):
         for column in range(7):
