@@ -27,8 +27,9 @@ use crate::scene::prepare::Prepared;
 use crate::scene::snapshot::Snapshot;
 use crate::settings::Settings;
 
-/// Primary rays that are traced at once: about 0.1 s of work for two cores.
-const PRIMARY_RAYS: usize = 1 << 19;
+/// Primary rays that are traced at once: about 0.1 s of work for two cores, and more for a GPU.
+const PRIMARY_RAYS_NATIVE: usize = 1 << 19;
+const PRIMARY_RAYS_GPU: usize = 1 << 21;
 
 /// What the G-buffer's albedo and normals are read from; sent anew, it is made anew.
 const SURFACE_PARTS: [&str; 3] = ["geometry", "textures", "instances"];
@@ -56,7 +57,7 @@ struct Kept {
     anchor: glam::DVec3,
     gbuffer: GBuffer,
     /// What its pixels see, once someone asked.
-    kinds: Mutex<Option<Arc<[u32]>>>,
+    kinds: Mutex<Option<Arc<Vec<u32>>>>,
     images: Images,
     irradiance: [Option<Buffer<[f32; 4]>>; 2],
     /// Level and reason of each pixel's fragment, unless every fragment is a pixel.
@@ -345,7 +346,8 @@ fn geometry(context: &mut Context<'_, '_>, plan: &Plan, gbuffer: &GBuffer) -> Re
         return Ok(());
     }
     let tiled = context.view.tiled as usize;
-    let len = PRIMARY_RAYS.min(tiled);
+    let most = if context.tracer.native() { PRIMARY_RAYS_NATIVE } else { PRIMARY_RAYS_GPU };
+    let len = most.min(tiled);
     let hits = context.resources.buffer("primary_hits", len)?;
     let rays = context.resources.buffer("primary_rays", if plan.runs(GEOMETRY[0]) { len } else { 1 })?;
     for first in (0..tiled).step_by(len) {

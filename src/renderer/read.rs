@@ -147,12 +147,13 @@ impl Kept {
     }
 
     /// What each internal pixel sees: read once for all masks and maps.
-    fn kinds(&self, gpu: &Gpu) -> Result<Arc<[u32]>> {
+    fn kinds(&self, gpu: &Gpu) -> Result<Arc<Vec<u32>>> {
         let mut kinds = self.kinds.lock().unwrap_or_else(PoisonError::into_inner);
         if let Some(known) = &*kinds {
             return Ok(Arc::clone(known));
         }
-        let read: Arc<[u32]> = gpu.look(&self.gbuffer.normal, |rows| rows.iter().map(|row| row[3]).collect())?;
+        let kind = |rows: &[Row]| rows.par_iter().with_min_len(PART).map(|row| row[3]).collect();
+        let read: Arc<Vec<u32>> = Arc::new(gpu.look(&self.gbuffer.normal, kind)?);
         *kinds = Some(Arc::clone(&read));
         Ok(read)
     }

@@ -17,8 +17,9 @@ use crate::scene::prepare::{LIGHT_ROWS, RADIANCE_ROW};
 
 /// Largest `finest_level`: that of the cells.
 const FINEST: u32 = 1;
-/// Receivers of a piece: a few megabytes, and work enough for a GPU.
-const RECEIVERS: usize = 1 << 17;
+/// Receivers of a piece: a few megabytes for two cores; a GPU would spend its time on beginnings and ends.
+const RECEIVERS_NATIVE: usize = 1 << 17;
+const RECEIVERS_GPU: usize = 1 << 20;
 /// Bit of `cell_plan`: the cell lies in the zone. Twins of the bits in `shaders/common/cells.wgsl`.
 pub const PLAN_ZONE: u32 = 1;
 /// Bit of `cell_plan`: each of its pixels asks for itself.
@@ -101,6 +102,10 @@ pub fn record(context: &mut Context<'_, '_>, gbuffer: &GBuffer, keep: bool) -> R
         proven,
         looked: None,
     })
+}
+
+fn most_receivers(context: &Context<'_, '_>) -> usize {
+    if context.tracer.native() { RECEIVERS_NATIVE } else { RECEIVERS_GPU }
 }
 
 /// What the lists of all lights held together.
@@ -204,7 +209,7 @@ impl<'g> Light<'g> {
         make: impl Fn(&mut Context<'_, '_>, &Asked<'_>) -> Result<()>,
         take: impl Fn(&mut Context<'_, '_>, &Asked<'_>) -> Result<()>,
     ) -> Result<()> {
-        let len = RECEIVERS.min((list.count * pixels).next_power_of_two().max(64));
+        let len = most_receivers(context).min((list.count * pixels).next_power_of_two().max(64));
         let receivers = context.resources.buffer("receivers", len)?;
         let bits = context.resources.buffer("asked", len * if self.light.is_area() { WORDS } else { 1 })?;
         for first in (0..list.count).step_by(len / pixels) {
@@ -247,7 +252,7 @@ impl<'g> Light<'g> {
     fn plan_zone(&self, context: &mut Context<'_, '_>, zone: &List) -> Result<()> {
         let width: Buffer<f32> = context.resources.buffer("cell_width", self.cells.count)?;
         context.recorder.clear(&width)?;
-        let len = RECEIVERS.min(zone.count.next_power_of_two());
+        let len = most_receivers(context).min(zone.count.next_power_of_two());
         let rays = context.resources.buffer("penumbra_rays", len)?;
         let hits = context.resources.buffer("penumbra_hits", len)?;
         for first in (0..zone.count).step_by(len) {
