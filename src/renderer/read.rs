@@ -1,5 +1,6 @@
 //! Reading a frame's resources back, by name.
 
+use std::borrow::Cow;
 use std::sync::{Arc, PoisonError};
 
 use glam::{DVec3, Vec3};
@@ -137,12 +138,12 @@ impl Kept {
             (_, true) => LEVEL_CULLED,
             (_, false) => Reason::Emitter as u8,
         };
-        let bytes = self.kinds(gpu)?.iter().map(byte).collect();
+        let bytes = each(&self.kinds(gpu)?, byte);
         Ok(Image { width: self.view.width, height: self.view.height, pixels: Pixels::Bytes(bytes) })
     }
 
     fn bytes(&self, gpu: &Gpu, map: &Buffer<u32>) -> Result<Image> {
-        let bytes = gpu.look(map, |words| words.iter().map(|&word| word as u8).collect())?;
+        let bytes = gpu.look(map, |words| each(words, |&word| word as u8))?;
         Ok(Image { width: self.view.width, height: self.view.height, pixels: Pixels::Bytes(bytes) })
     }
 
@@ -152,43 +153,44 @@ impl Kept {
         if let Some(known) = &*kinds {
             return Ok(Arc::clone(known));
         }
-        let kind = |rows: &[Row]| rows.par_iter().with_min_len(PART).map(|row| row[3]).collect();
-        let read: Arc<Vec<u32>> = Arc::new(gpu.look(&self.gbuffer.normal, kind)?);
+        let read = Arc::new(gpu.look(&self.gbuffer.normal, |rows| each(rows, |row| row[3]))?);
         *kinds = Some(Arc::clone(&read));
         Ok(read)
     }
 
     fn aov(&self, gpu: &Gpu, frame: &FrameInfo, name: &str) -> Result<Pixels> {
-        let rows = |buffer: &Buffer<Row>| gpu.look(buffer, |all| pick(all, frame));
-        let kinds = pick(&self.kinds(gpu)?, frame);
-        Ok(match name {
-            "light_mask" => Pixels::Mask(kinds.iter().map(|&kind| kind >= FIRST_LIGHT).collect()),
-            "surface_mask" => Pixels::Mask(kinds.iter().map(|&kind| kind == SURFACE).collect()),
-            "light" => {
-                Pixels::Words(kinds.iter().map(|kind| kind.wrapping_sub(FIRST_LIGHT)).map(light_or_none).collect())
-            }
-            "triangle" => Pixels::Words(rows(&self.gbuffer.geometric)?.iter().map(|row| row[3]).collect()),
-            "instance" => Pixels::Words(rows(&self.gbuffer.albedo)?.iter().map(|row| row[3]).collect()),
-            "normal" => Pixels::Rgb(rows(&self.gbuffer.normal)?.iter().flat_map(xyz).collect()),
-            "normal_geometric" => Pixels::Rgb(rows(&self.gbuffer.geometric)?.iter().flat_map(xyz).collect()),
+        let all = self.kinds(gpu)?;
+        let kinds = &*pick(&all, frame);
+        let masked = |there: fn(u32) -> bool| Ok(Pixels::Mask(each(kinds, |&kind| there(kind))));
+        let word =
+            |buffer: &Buffer<Row>| gpu.look(buffer, |rows| Pixels::Words(each(&pick(rows, frame), |row: &Row| row[3])));
+        let direction =
+            |buffer: &Buffer<Row>| gpu.look(buffer, |rows| Pixels::Rgb(flat(&pick(rows, frame), |_, r| xyz(r))));
+        match name {
+            "light_mask" => masked(|kind| kind >= FIRST_LIGHT),
+            "surface_mask" => masked(|kind| kind == SURFACE),
+            "light" => Ok(Pixels::Words(each(kinds, |kind| light_or_none(kind.wrapping_sub(FIRST_LIGHT))))),
+            "triangle" => word(&self.gbuffer.geometric),
+            "instance" => word(&self.gbuffer.albedo),
+            "normal" => direction(&self.gbuffer.normal),
+            "normal_geometric" => direction(&self.gbuffer.geometric),
             "albedo" => {
-                let albedo = rows(&self.gbuffer.albedo)?;
-                let surface = |(row, &kind): (&Row, &u32)| if kind == SURFACE { xyz(row) } else { [0.0; 3] };
-                Pixels::Rgb(albedo.iter().zip(&kinds).flat_map(surface).collect())
+                let surface = |i: usize, row: &Row| if kinds[i] == SURFACE { xyz(row) } else { [0.0; 3] };
+                gpu.look(&self.gbuffer.albedo, |rows| Pixels::Rgb(flat(&pick(rows, frame), surface)))
             }
-            "depth" => {
+            "depth" => gpu.look(&self.gbuffer.position, |rows| {
                 let depth =
                     |(row, &kind): (&Row, &u32)| if kind != NOTHING { self.depth(xyz(row)) } else { f32::INFINITY };
-                Pixels::Scalar(rows(&self.gbuffer.position)?.iter().zip(&kinds).map(depth).collect())
-            }
+                Pixels::Scalar(pick(rows, frame).iter().zip(kinds).map(depth).collect())
+            }),
             _ => {
-                let world = |(row, &kind): (&Row, &u32)| {
+                let world = |i: usize, row: &Row| {
                     let p = Vec3::from(xyz(row)).as_dvec3() + self.anchor;
-                    if kind != NOTHING { p } else { DVec3::ZERO }.as_vec3().to_array()
+                    if kinds[i] != NOTHING { p } else { DVec3::ZERO }.as_vec3().to_array()
                 };
-                Pixels::Rgb(rows(&self.gbuffer.position)?.iter().zip(&kinds).flat_map(world).collect())
+                gpu.look(&self.gbuffer.position, |rows| Pixels::Rgb(flat(&pick(rows, frame), world)))
             }
-        })
+        }
     }
 
     /// Distance along the view axis.
@@ -204,25 +206,37 @@ fn light_or_none(light: u32) -> u32 {
 }
 
 /// The internal pixel nearest the middle of each pixel of the image.
-fn pick<T: Copy>(rows: &[T], frame: &FrameInfo) -> Vec<T> {
+fn pick<'r, T: Copy>(rows: &'r [T], frame: &FrameInfo) -> Cow<'r, [T]> {
     let s = frame.supersample as usize;
     if s == 1 {
-        return rows.to_vec();
+        return rows.into();
     }
     let (width, height) = (frame.width as usize, frame.height as usize);
     let at = |i: usize| rows[(i / width * s + s / 2) * width * s + i % width * s + s / 2];
-    (0..width * height).map(at).collect()
+    (0..width * height).map(at).collect::<Vec<T>>().into()
 }
 
-/// Pixels that a thread takes at once.
+/// Pixels that a thread takes at once: most of the time goes to memory that is touched for the first time.
 const PART: usize = 1 << 14;
 
-fn three(rows: &[[f32; 4]]) -> Vec<f32> {
-    let mut colors = vec![0.0; 3 * rows.len()];
-    colors.par_chunks_mut(3 * PART).zip(rows.par_chunks(PART)).for_each(|(colors, rows)| {
-        colors.chunks_exact_mut(3).zip(rows).for_each(|(color, row)| color.copy_from_slice(&row[..3]));
+/// One value a pixel.
+fn each<T: Sync, R: Send>(rows: &[T], value: impl Fn(&T) -> R + Sync + Send) -> Vec<R> {
+    rows.par_iter().with_min_len(PART).map(value).collect()
+}
+
+/// Three numbers a pixel, from its place and its row.
+fn flat<T: Sync>(rows: &[T], value: impl Fn(usize, &T) -> [f32; 3] + Sync) -> Vec<f32> {
+    let mut numbers = vec![0.0; 3 * rows.len()];
+    numbers.par_chunks_mut(3 * PART).zip(rows.par_chunks(PART)).enumerate().for_each(|(part, (numbers, rows))| {
+        for (i, (three, row)) in numbers.chunks_exact_mut(3).zip(rows).enumerate() {
+            three.copy_from_slice(&value(part * PART + i, row));
+        }
     });
-    colors
+    numbers
+}
+
+fn three(rows: &[[f32; 4]]) -> Vec<f32> {
+    flat(rows, |_, row| [row[0], row[1], row[2]])
 }
 
 fn rgb(gpu: &Gpu, buffer: Option<&Buffer<[f32; 4]>>, frame: &FrameInfo) -> Result<Pixels> {
