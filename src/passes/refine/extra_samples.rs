@@ -90,5 +90,5 @@ fn find(context: &mut Context<'_, '_>, fragments: &Fragments, texels: usize) -> 
     let pass = context.recorder.pass("extra_samples", &kernel).uniform("pyramid", &fragments.texels.pyramid);
     pass.bind("fragment_at", &fragments.at).bind("extra_flags", &flags).dispatch(texels)?;
     compact::record(context, "extra_samples", &flags, texels, 1, 1, &list, &arguments)?;
-    context.recorder.host("extra_samples", |gpu, _| Ok(gpu.read(&arguments)?[3] as usize))
+    Ok(context.recorder.fetch(&[&arguments])?[0][3] as usize)
 }
