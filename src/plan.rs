@@ -1,8 +1,13 @@
 //! Which passes a frame needs, and why it does without the others: a pure function, tested without a GPU.
 
+mod asks;
+mod names;
+
 use crate::scene::light::Radiance;
 use crate::scene::snapshot::Snapshot;
 use crate::settings::Settings;
+pub use asks::*;
+pub use names::*;
 
 /// What the plan needs to know of a scene.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
@@ -59,66 +64,6 @@ pub struct Plan {
     pub skipped: Vec<(&'static str, &'static str)>,
 }
 
-/// Passes that find what each pixel sees.
-pub const GEOMETRY: [&str; 3] = ["geometry/primary_rays", "geometry/trace", "geometry/gbuffer"];
-/// Passes of direct light.
-pub const DIRECT: [&str; 5] =
-    ["direct/light_samples", "direct/receivers", "direct/shadow", "direct/gather", "direct/gather_ratio"];
-/// Passes of occlusion by voxels; the last for each list of receivers.
-pub const VOXELS: [&str; 3] = ["direct/voxelize", "direct/voxel_blocks", "direct/voxel_shadow"];
-/// Passes of occlusion by shadow maps; the last for each list of receivers.
-pub const MAPS: [&str; 3] = ["direct/map_rays", "direct/map_trace", "direct/map_shadow"];
-/// Passes of direct light where shadows decide what is worth a ray.
-pub const ADAPTIVE: [&str; 15] = [
-    "direct/light_bounds",
-    "direct/prove",
-    "direct/compact",
-    "direct/cell_rays",
-    "direct/cell_shadow",
-    "direct/cells",
-    "direct/zone",
-    "direct/penumbra_rays",
-    "direct/penumbra_trace",
-    "direct/penumbra",
-    "direct/zone_rays",
-    "direct/zone_shadow",
-    "direct/share",
-    "direct/smooth_share",
-    "direct/uniform_levels",
-];
-/// Passes that choose the fragments whose middle is shaded.
-pub const FRAGMENTS: [&str; 4] =
-    ["direct/pyramid", "direct/one_pass", "direct/fragment_list", "direct/fragment_receivers"];
-/// Passes that look at fragments level by level, and choose those that are left.
-pub const LEVELS: [&str; 2] = ["direct/nodes", "direct/incremental"];
-/// Passes that light fragments by what is seen at coarser ones and beside them.
-pub const INCREMENTAL: [&str; 2] = ["direct/reuse", "direct/interleaved"];
-/// Passes that light fragments by what is seen inside of them.
-pub const SUB_FRAGMENTS: [&str; 5] =
-    ["direct/sub_bits", "direct/sub_gather", "direct/sub_fragments", "direct/stop_guard", "direct/extra_samples"];
-/// Passes that take the fragments' light to the pixels.
-pub const UPSAMPLE: [&str; 4] = ["direct/nearest", "direct/bilinear", "direct/edge_aware", "direct/rbf"];
-/// Where refinement ends early.
-pub const BILATERAL: &str = "direct/bilateral";
-/// What a picture on a light adds to the exact light of its mean.
-pub const TEXTURED_SHARE: &str = "direct/textured_share";
-/// Exact unshadowed light times the share that is seen.
-pub const IRRADIANCE: &str = "direct/irradiance";
-/// What the lobes of surfaces reflect of the lights.
-pub const SPECULAR: &str = "direct/specular";
-/// By the integral over the part of an area light that a lobe reaches, times the share of it that is seen.
-pub const LOBE_INTEGRAL: [&str; 3] = ["direct/lobe_integral", "direct/lobe_rays", "direct/lobe_ratio"];
-/// On fragments of their own, by samples in the lobe.
-pub const LOBES: [&str; 5] =
-    ["direct/lobe_levels", "direct/lobe_points", "direct/lobe_ask", "direct/lobe_visible", "direct/lobe_gather"];
-/// Passes of indirect light.
-pub const INDIRECT: [&str; 5] =
-    ["indirect/gather_rays", "indirect/trace", "indirect/gather_hits", "indirect/shadow", "indirect/gather_sum"];
-/// From irradiance to radiance.
-pub const COMPOSITE: &str = "composite/composite";
-/// From internal pixels to the image's.
-pub const DOWNSAMPLE: &str = "composite/downsample";
-
 impl Plan {
     fn add(&mut self, passes: &[&'static str], skip: Option<&'static str>) {
         match skip {
@@ -166,50 +111,6 @@ pub fn plan(facts: SceneFacts, settings: &Settings, valid: Valid) -> Plan {
     plan.add(&[COMPOSITE], None);
     plan.add(&[DOWNSAMPLE], (settings.int("supersample") == 1).then_some("supersample is 1"));
     plan
-}
-
-/// Whether shadows decide what is worth a ray.
-pub fn is_adaptive(settings: &Settings) -> bool {
-    let coarse = settings.int("coarsest_level") > 0;
-    coarse && !settings.is("refine", "none") && settings.is("direct_estimator", "ratio")
-}
-
-/// Whether fragments are chosen level by level.
-pub fn is_by_level(settings: &Settings) -> bool {
-    is_incremental(settings) || is_sub_fragment(settings)
-}
-
-/// Whether a fragment's neighbours decide what is split.
-pub fn is_incremental(settings: &Settings) -> bool {
-    settings.is("refine", "incremental") && has_fragments(settings)
-}
-
-/// Whether a fragment is tested inside.
-pub fn is_sub_fragment(settings: &Settings) -> bool {
-    settings.is("refine", "sub-fragment") && has_fragments(settings)
-}
-
-/// Whether what fragments see of a light is proven where it stops refinement; proofs are true of rays alone, and of the
-/// edges of cones.
-pub fn guards_stops(settings: &Settings) -> bool {
-    is_sub_fragment(settings)
-        && settings.is("stop_guard", "bounds")
-        && ["ray", "none"].iter().any(|kind| settings.is("visibility", kind))
-}
-
-/// Whether large fragments have samples on their borders; only `rbf` makes use of them.
-pub fn adds_extra_samples(settings: &Settings) -> bool {
-    is_sub_fragment(settings) && settings.is("extra_samples", "on") && settings.is("upsample", "rbf")
-}
-
-/// Whether discontinuities of depth or normals split what shadows leave whole.
-pub fn splits_by_geometry(settings: &Settings) -> bool {
-    settings.float("depth_threshold").is_some() || settings.float("normal_threshold").is_some()
-}
-
-/// Whether one point of each fragment is shaded.
-pub fn has_fragments(settings: &Settings) -> bool {
-    !settings.is("refine", "none") && !settings.is("direct_estimator", "ratio")
 }
 
 /// Why occlusion is not found by `kind`.

@@ -37,6 +37,7 @@ NO_PASS = {
     "trace_wgsl",
     "tree_upload",
     "levels",
+    "sub_levels",
     "placed",
     "fragments",
     "prove_native",

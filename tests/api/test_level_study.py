@@ -73,7 +73,7 @@ def test_bits_are_kept(renderer: ml.Renderer, place: tuple[ml.Scene, ml.Camera],
 @pytest.mark.parametrize(
     ("settings", "keep", "says"),
     [
-        (ml.Settings.preset("default"), "bits", "refine is not incremental"),
+        (ml.Settings.preset("default"), "bits", 'allowed: refine="incremental"'),
         (SETTINGS, "level_causes_99", "no resource"),
         (SETTINGS, "level_causes_7", "allowed: 0 to 4"),
     ],

@@ -175,7 +175,7 @@ impl Work<'_> {
     pub fn finish(self, context: &mut Context<'_, '_>, nodes: Nodes) -> Result<Direct> {
         let mut fragments = incremental::choose(context, self.gbuffer, &nodes, self.texels.clone(), &self.state)?;
         if plan::adds_extra_samples(context.settings) {
-            fragments.extras = Some(super::sub_fragments::extras(&self, context, &fragments)?);
+            fragments.extras = Some(super::sub_levels::extras(&self, context, &fragments)?);
         }
         let irradiance = upsample::record(context, self.gbuffer, &fragments, &nodes.irradiance)?;
         if nodes.pyramid.finest > 0 {

@@ -13,8 +13,8 @@ pub mod receivers;
 pub mod share;
 pub mod smooth_share;
 pub mod specular;
-pub mod sub_fragments;
 pub mod sub_gather;
+pub mod sub_levels;
 pub mod textured_share;
 
 use self::gather::Gathered;
@@ -69,7 +69,7 @@ pub fn record(context: &mut Context<'_, '_>, gbuffer: &GBuffer, specular: bool) 
     let mut direct = if plan::is_adaptive(context.settings) {
         adaptive::record(context, gbuffer, specular)?
     } else if plan::is_sub_fragment(context.settings) {
-        sub_fragments::record(context, gbuffer)?
+        sub_levels::record(context, gbuffer)?
     } else if plan::is_incremental(context.settings) {
         levels::record(context, gbuffer)?
     } else if plan::has_fragments(context.settings) {
