@@ -177,10 +177,17 @@ impl Plan {
         self.add(&DIRECT[3..4], direct.or(adaptive).or(by_level).or(no_sum));
         let no_ratio = (!ratio).then_some("direct_estimator is samples");
         self.add(&DIRECT[4..], direct.or(adaptive).or(no_area).or(no_ratio));
+        let other = (!settings.is("upsample", "rbf")).then_some("upsample is another");
+        let small = (settings.int("coarsest_level") < 3).then_some("coarsest_level is below 3");
+        self.add(&RBF[..1], direct.or(pixels).or(other).or(small));
+        let paper = settings.is("rbf_form", "paper");
         for (pass, upsample) in UPSAMPLE.into_iter().zip(["nearest", "bilinear", "edge-aware", "rbf"]) {
             let other = (!settings.is("upsample", upsample)).then_some("upsample is another");
-            self.add(&[pass], direct.or(pixels).or(other));
+            let form = (upsample == "rbf" && paper).then_some("rbf_form is paper");
+            self.add(&[pass], direct.or(pixels).or(other).or(form));
         }
+        let form = (!paper).then_some("rbf_form is interpolating");
+        self.add(&RBF[1..], direct.or(pixels).or(other).or(form));
         let to_the_pixels = (settings.int("finest_level") == 0).then_some("finest_level is 0");
         self.add(&[BILATERAL], direct.or(at_once).or(to_the_pixels));
     }
@@ -257,6 +264,7 @@ mod tests {
             &VOXELS,
             &MAPS,
             &[TEXTURED_SHARE, IRRADIANCE, BILATERAL, SPECULAR],
+            &RBF,
             &LOBE_INTEGRAL,
             &LOBES,
             &INDIRECT,

@@ -39,6 +39,8 @@ pub const SUB_FRAGMENTS: [&str; 5] =
     ["direct/sub_bits", "direct/sub_gather", "direct/sub_fragments", "direct/stop_guard", "direct/extra_samples"];
 /// Passes that take the fragments' light to the pixels.
 pub const UPSAMPLE: [&str; 4] = ["direct/nearest", "direct/bilinear", "direct/edge_aware", "direct/rbf"];
+/// What the last of them chooses from, and its form in the paper's text.
+pub const RBF: [&str; 2] = ["direct/rbf_samples", "direct/rbf_paper"];
 /// Where refinement ends early.
 pub const BILATERAL: &str = "direct/bilateral";
 /// What a picture on a light adds to the exact light of its mean.

@@ -1,127 +1,114 @@
 // Interpolation by radial basis functions in a single pass [KJ16 Sec. 3.1.5]: each pixel of a fragment above level 0 takes
-// the light of the fragments nearest to it that lie on its own surface, whatever their levels.
+// the light of the samples nearest to it that lie on its surface.
 //   Phi_ij = exp(-|x_i - x_j|^2 / (C s^2)),  [[Phi, 1], [1^T, 0]] [w; b] = [I; 0],  I(x) = sum_i w_i phi_i(x) + b
 // with s the width of the pixel's fragment. Deviations: distances between samples, one s and the constant b, so that Phi is
-// symmetric and a constant stays one; clamped to the range of its samples; fragments of levels 1 and 2, too.
-// Entry `paper` is the text as it stands, where it can be computed: each sample with its own width, no constant, levels up
-// to 2 copied, two samples averaged.
-// In: fragments and their irradiance, level_map, G-buffer. Out: irradiance a pixel.
+// symmetric and a constant stays one; clamped to the range of its samples; fragments of levels 1 and 2, too, which look to
+// the three neighbours on the pixel's side of their middle.
+//   main   pixels of fragments of level 0, which keep their light, and of level 3 and above
+//   small  a list of pixels of level 1 or 2
+// In: fragments and their irradiance, border_samples, level_map, G-buffer. Out: irradiance a pixel.
 
 import package::common::alike::MOST_TURNED;
+import package::common::border_samples::LARGE;
 import package::common::fragment::CULLED;
 import package::common::gbuffer::{SURFACE, floats};
 import package::common::grid::{Grid, item_index};
-import package::common::illumination::{MOST_OFF, fragment_at, fragment_irradiance, own_light};
+import package::common::illumination::{MOST_OFF, fragment_at, fragment_irradiance};
+import package::common::nearest_samples::{nearest_samples, with_nearest, with_sample};
 import package::common::pyramid::{pyramid, texel_number, texel_of};
-import package::common::radial_basis::{LEAST_PIVOT, Samples, basis, weights_at};
+import package::common::radial_basis::{Samples, weights_at};
+import package::common::tiles::pixel_in_tile_order;
 import package::common::view::View;
 
-struct RbfParams {
-    samples: u32,       // at most 4
-    pad0: u32,
-    pad1: u32,
-    pad2: u32,
-}
-
 @group(0) @binding(30) var<uniform> grid: Grid;
-@group(0) @binding(0) var<uniform> params: RbfParams;
 @group(0) @binding(1) var<uniform> view: View;
 @group(0) @binding(2) var<storage, read> level_map: array<u32>;
 @group(0) @binding(3) var<storage, read> g_position: array<vec4u>;
 @group(0) @binding(4) var<storage, read> g_normal: array<vec4u>;
 @group(0) @binding(5) var<storage, read> g_geometric: array<vec4u>;
+@group(0) @binding(6) var<storage, read> small_pixels: array<u32>;
 @group(0) @binding(8) var<storage, read_write> direct_irradiance: array<vec4f>;
+
+// Samples of a pixel, at most 4.
+override SAMPLES: u32 = 3;
 
 // Samples nearer to each other than this, in widths of the fragment, are one.
 const CLOSE: f32 = 0.125;
 const FAR: f32 = 1e30;
 
-// A fragment beside a pixel: 1 + its number, 0 for none; its middle and width.
-struct Beside {
-    fragment: u32,
-    place: vec2f,
-    width: f32,
+// Number of the texel of a level that holds a pixel; what is the same for all threads is looked up for all at once.
+fn texel_at(pixel: vec2u, level: u32) -> u32 {
+    var number = 0u;
+    for (var l = 0u; l <= pyramid.coarsest; l++) {
+        number = select(number, texel_number(pyramid.levels[l], pixel >> vec2u(l)), l == level);
+    }
+    return number;
 }
 
 // What a pixel sees, and how far off its plane something may lie.
 struct Seen {
-    pixel: vec2u,
     position: vec3f,
     normal: vec3f,
     across: vec3f,
     reach: f32,
 }
 
-fn seen_at(pixel: vec2u, at: u32, level: u32) -> Seen {
+fn seen_at(at: u32, level: u32) -> Seen {
     let p = floats(g_position[at]);
     let depth = max(dot(view.eye - p, view.backward), 1e-30);
     let reach = MOST_OFF * f32(1u << level) * pyramid.pixel_width * depth;
-    return Seen(pixel, p, floats(g_normal[at]), floats(g_geometric[at]), reach);
+    return Seen(p, floats(g_normal[at]), floats(g_geometric[at]), reach);
 }
 
-// Whether pixel `other` lies on the same surface.
-fn on_surface(seen: Seen, other: u32) -> bool {
-    let there = g_normal[other];
-    let off = abs(dot(seen.across, floats(g_position[other]) - seen.position));
-    let turned = floats(there) - seen.normal;
-    return there.w == SURFACE && off < seen.reach && dot(turned, turned) < MOST_TURNED * MOST_TURNED;
+// The pixel in the middle of a texel, as far as it lies in the image.
+fn middle_of(texel: vec2u, level: u32) -> vec2u {
+    let first = texel << vec2u(level);
+    return first + min(vec2u(1u << level), pyramid.levels[0].xy - first) / 2u;
 }
 
-// The fragment at the pixel that is nearest to the one seen, in neighbour k of 9 of its texel of `level`.
-fn beside(seen: Seen, level: u32, k: u32) -> Beside {
-    let texel = vec2i(seen.pixel >> vec2u(level)) + vec2i(i32(k % 3u), i32(k / 3u)) - 1;
-    let none = Beside(0u, vec2f(0.0), 1.0);
-    // A negative column is a large one as well.
-    if any(vec2u(texel) >= pyramid.levels[level].xy) {
-        return none;
-    }
-    let first = vec2u(texel) << vec2u(level);
-    let last = min(first + (1u << level), pyramid.levels[0].xy) - 1u;
-    let near = clamp(seen.pixel, first, last);
-    let other = near.y * pyramid.levels[0].x + near.x;
-    let own = level_map[other];
-    if own > pyramid.coarsest || !on_surface(seen, other) {
-        return none;
-    }
-    let place = near >> vec2u(own);
-    let fragment = fragment_at[texel_number(pyramid.levels[own], place)];
-    let width = f32(1u << own);
-    // The pixel in the middle of a fragment lies half a pixel beyond the middle.
-    let middle = (vec2f(place) + 0.5) * width + select(0.0, 0.5, own > 0u);
-    return Beside(select(fragment, 0u, fragment == CULLED), middle, width);
+// Adds the fragment at a pixel beside, if that lies on the surface.
+fn with_beside(s: Samples, seen: Seen, pixel: vec2u, counts: bool) -> Samples {
+    let inside = counts && all(pixel < pyramid.levels[0].xy);
+    let at = select(0u, pixel.y * pyramid.levels[0].x + pixel.x, inside);
+    let facing = g_normal[at];
+    let level = level_map[at];
+    let off = abs(dot(seen.across, floats(g_position[at]) - seen.position));
+    let turned = floats(facing) - seen.normal;
+    let alike = facing.w == SURFACE && off < seen.reach && dot(turned, turned) < MOST_TURNED * MOST_TURNED;
+    let lit = inside && level <= pyramid.coarsest;
+    let own = select(0u, level, lit);
+    let fragment = fragment_at[texel_at(select(vec2u(0u), pixel, lit), own)];
+    let found = lit && alike && fragment != 0u && fragment != CULLED;
+    let light = fragment_irradiance[select(0u, fragment - 1u, found)].xyz;
+    return with_sample(s, vec2f(middle_of(pixel >> vec2u(own), own)), f32(1u << own), light, 0.0, found);
 }
 
-// The nearest fragments on the surface, each once, and none beside another.
-fn samples_of(pixel: vec2u, at: u32, level: u32, most: u32) -> Samples {
-    let seen = seen_at(pixel, at, level);
-    var all: array<Beside, 9>;
-    for (var k = 0u; k < 9u; k++) {
-        all[k] = beside(seen, level, k);
-    }
-    let here = vec2f(pixel) + 0.5;
+// The samples of a pixel of level 1 or 2.
+fn samples_beside(pixel: vec2u, at: u32, level: u32, own: vec3f) -> Samples {
+    let seen = seen_at(at, level);
+    let texel = pixel >> vec2u(level);
+    let middle = middle_of(texel, level);
+    let first = texel << vec2u(level);
+    let outside = select(first + (1u << level), first - 1u, pixel < middle);
+    var s: Samples;
+    s = with_sample(s, vec2f(middle), f32(1u << level), own, 0.0, true);
+    s = with_beside(s, seen, vec2u(outside.x, pixel.y), SAMPLES > 1u);
+    s = with_beside(s, seen, vec2u(pixel.x, outside.y), SAMPLES > 2u);
+    return with_beside(s, seen, outside, SAMPLES > 3u);
+}
+
+// The samples of a pixel of a large fragment.
+fn samples_about(pixel: vec2u, number: u32, level: u32, counts: bool) -> Samples {
+    let row = select(0u, number - pyramid.levels[LARGE].z, counts);
+    let first = vec2f((pixel >> vec2u(level)) << vec2u(level));
     let close = CLOSE * f32(1u << level);
-    var found: Samples;
-    for (var n = 0u; n < most; n++) {
-        var nearest = FAR;
-        var chosen = 0u;
-        for (var k = 0u; k < 9u; k++) {
-            let step = all[k].place - here;
-            let far = dot(step, step);
-            var counts = all[k].fragment != 0u && far < nearest;
-            for (var m = 0u; m < found.count; m++) {
-                counts = counts && distance(all[k].place, found.place[m]) > close;
-            }
-            nearest = select(nearest, far, counts);
-            chosen = select(chosen, k, counts);
-        }
-        if nearest < FAR {
-            found.place[found.count] = all[chosen].place;
-            found.width[found.count] = all[chosen].width;
-            found.light[found.count] = fragment_irradiance[all[chosen].fragment - 1u].xyz;
-            found.count++;
-        }
-    }
-    return found;
+    let n = nearest_samples(row, vec2f(pixel) - first, counts);
+    var s: Samples;
+    s = with_nearest(s, row, first, n.one, close, counts);
+    s = with_nearest(s, row, first, n.two, close, counts && s.count < SAMPLES);
+    s = with_nearest(s, row, first, n.three, close, counts && s.count < SAMPLES);
+    s = with_nearest(s, row, first, n.four, close, counts && s.count < SAMPLES);
+    return with_nearest(s, row, first, n.five, close, counts && s.count < SAMPLES);
 }
 
 fn interpolated(s: Samples, here: vec2f, width: f32) -> vec3f {
@@ -137,40 +124,17 @@ fn interpolated(s: Samples, here: vec2f, width: f32) -> vec3f {
     return clamp(sum, lo, hi);
 }
 
-// [KJ16 Eqs. 1 to 3], literally.
-fn of_the_paper(s: Samples, here: vec2f, own: vec3f) -> vec3f {
-    let phi = vec3f(
-        basis(here, s.place[0], s.width[0]), basis(here, s.place[1], s.width[1]), basis(here, s.place[2], s.width[2]));
-    if s.count == 2u {
-        return (phi.x * s.light[0] + phi.y * s.light[1]) / max(phi.x + phi.y, 1e-30);
-    }
-    let a = vec3f(1.0, basis(s.place[1], s.place[0], s.width[0]), basis(s.place[2], s.place[0], s.width[0]));
-    let b = vec3f(basis(s.place[0], s.place[1], s.width[1]), 1.0, basis(s.place[2], s.place[1], s.width[1]));
-    let c = vec3f(basis(s.place[0], s.place[2], s.width[2]), basis(s.place[1], s.place[2], s.width[2]), 1.0);
-    // Columns a, b, c: rows of the inverse are these over the determinant.
-    let volume = dot(a, cross(b, c));
-    let weights = vec3f(dot(phi, vec3f(cross(b, c).x, cross(c, a).x, cross(a, b).x)),
-        dot(phi, vec3f(cross(b, c).y, cross(c, a).y, cross(a, b).y)),
-        dot(phi, vec3f(cross(b, c).z, cross(c, a).z, cross(a, b).z))) / volume;
-    let sum = weights.x * s.light[0] + weights.y * s.light[1] + weights.z * s.light[2];
-    return select(own, sum, s.count == 3u && abs(volume) > LEAST_PIVOT);
+struct Own {
+    number: u32,    // of its texel
+    lit: bool,
+    light: vec3f,
 }
 
-fn write(i: u32, paper: bool) {
-    let level = level_map[i];
-    var light = vec3f(0.0);
-    if level <= pyramid.coarsest {
-        let pixel = texel_of(pyramid.levels[0], i);
-        let here = vec2f(pixel) + 0.5;
-        let width = f32(1u << level);
-        light = own_light(texel_number(pyramid.levels[level], pixel >> vec2u(level))).xyz;
-        if paper && level > 2u {
-            light = of_the_paper(samples_of(pixel, i, level, 3u), here, light);
-        } else if !paper && level > 0u {
-            light = interpolated(samples_of(pixel, i, level, params.samples), here, width);
-        }
-    }
-    direct_irradiance[i] = vec4f(light, 0.0);
+fn own_of(pixel: vec2u, level: u32, shown: bool) -> Own {
+    let number = texel_at(pixel, level);
+    let fragment = fragment_at[number];
+    let lit = shown && fragment != 0u && fragment != CULLED;
+    return Own(number, lit, select(vec3f(0.0), fragment_irradiance[select(0u, fragment - 1u, lit)].xyz, lit));
 }
 
 @compute @workgroup_size(64)
@@ -180,19 +144,34 @@ fn main(
     @builtin(local_invocation_index) lane: u32,
 ) {
     let i = item_index(grid, group, groups, 64u, lane);
-    if i < grid.end {
-        write(i, false);
+    let pixel = pixel_in_tile_order(i, pyramid.levels[0].x);
+    if i >= grid.end || any(pixel >= pyramid.levels[0].xy) {
+        return;
     }
+    let at = pixel.y * pyramid.levels[0].x + pixel.x;
+    let shown = level_map[at];
+    let level = select(0u, shown, shown <= pyramid.coarsest);
+    let own = own_of(pixel, level, shown <= pyramid.coarsest);
+    let large = own.lit && level >= LARGE;
+    let light = interpolated(samples_about(pixel, own.number, level, large), vec2f(pixel), f32(1u << level));
+    direct_irradiance[at] = vec4f(select(own.light, light, large), 0.0);
 }
 
 @compute @workgroup_size(64)
-fn paper(
+fn small(
     @builtin(workgroup_id) group: vec3u,
     @builtin(num_workgroups) groups: vec3u,
     @builtin(local_invocation_index) lane: u32,
 ) {
     let i = item_index(grid, group, groups, 64u, lane);
-    if i < grid.end {
-        write(i, true);
+    // Behind the end of the list lies what was there before: other pixels of these levels, or of none.
+    let at = small_pixels[min(i, arrayLength(&small_pixels) - 1u)];
+    let pixel = texel_of(pyramid.levels[0], at);
+    let level = level_map[at];
+    if at >= pyramid.levels[0].w || level == 0u || level >= LARGE || level > pyramid.coarsest {
+        return;
     }
+    let own = own_of(pixel, level, true);
+    let light = interpolated(samples_beside(pixel, at, level, own.light), vec2f(pixel), f32(1u << level));
+    direct_irradiance[at] = vec4f(select(own.light, light, own.lit), 0.0);
 }

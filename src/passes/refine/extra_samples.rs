@@ -51,8 +51,7 @@ pub struct Extras {
 /// Those of the device.
 pub fn record(context: &mut Context<'_, '_>, gbuffer: &GBuffer, fragments: &Fragments) -> Result<Extras> {
     let pyramid = fragments.texels.pyramid;
-    let first = if pyramid.coarsest < LARGE { pyramid.texels() } else { pyramid.levels[LARGE as usize][2] as usize };
-    let texels = pyramid.texels() - first;
+    let texels = pyramid.texels() - pyramid.first_texel(LARGE);
     let at: Buffer<u32> = context.resources.buffer("extra_at", texels.max(1))?;
     let count: Buffer<u32> = context.resources.buffer("extra_count", 1)?;
     context.recorder.clear(&at)?;

@@ -45,6 +45,11 @@ impl Pyramid {
         first as usize + count as usize
     }
 
+    /// Number of the first texel of a level; one past the last of all where there is no such level.
+    pub fn first_texel(&self, level: u32) -> usize {
+        if level > self.coarsest { self.texels() } else { self.levels[level as usize][2] as usize }
+    }
+
     /// Texels of levels 1 to `coarsest`.
     pub fn texels_above(&self) -> usize {
         self.texels() - self.levels[0][3] as usize

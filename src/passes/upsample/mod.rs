@@ -5,6 +5,8 @@ pub mod bilinear;
 pub mod edge_aware;
 pub mod nearest;
 pub mod rbf;
+pub mod rbf_paper;
+pub mod rbf_samples;
 
 use crate::error::Result;
 use crate::gpu::Buffer;

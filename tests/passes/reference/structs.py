@@ -213,7 +213,6 @@ SUB_FRAGMENTS = np.dtype(
 )
 STOP_GUARD = np.dtype(_fields("first", "hard", "pad1", "pad2"))
 EXTRA_SAMPLES = np.dtype(_fields("patterns", "seed", "pad0", "pad1"))
-RBF = np.dtype(_fields("samples", "pad0", "pad1", "pad2"))
 INTERLEAVED = np.dtype(
     [
         *_fields("first", "strata", "words", "classes"),

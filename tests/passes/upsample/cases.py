@@ -39,13 +39,51 @@ def fragments(
 
 
 def random_case(
-    runner: Runner, rng: np.random.Generator, size: tuple[int, int], coarsest: int = 4, holes: float = 0.01
+    runner: Runner,
+    rng: np.random.Generator,
+    size: tuple[int, int],
+    coarsest: int = 4,
+    holes: float = 0.01,
 ) -> Case:
     """A bumpy surface with a step in it, holes, and fragments of every level."""
     view = random_view(rng, *size)
     g = wavy_gbuffer(rng, view, holes=holes, step=0.5)
-    limits = {"depth_threshold": 1.0, "normal_threshold": 0.6, "depth_metric": 3, "normal_metric": 2}
+    limits = {
+        "depth_threshold": 1.0,
+        "normal_threshold": 0.6,
+        "depth_metric": 3,
+        "normal_metric": 2,
+    }
     return fragments(runner, rng, view, g, coarsest, **limits)
+
+
+def quilt_case(rng: np.random.Generator, size: tuple[int, int], coarsest: int = 4) -> Case:
+    """A wall with fragments of every level anywhere, a few of them culled."""
+    view = random_view(rng, *size)
+    g = plane_gbuffer(view, 0.0)
+    levels = np.full(size[::-1], 254, np.uint32)
+    made = Case(
+        view, g, texels(view, g, coarsest), coarsest, levels, np.zeros(0, np.uint32), np.zeros((0, 3))
+    )
+    made.at = np.zeros(sum(level[3] for level in made.levels[: coarsest + 1]), np.uint32)
+    count = 0
+    todo = [(coarsest, texel) for texel in range(made.levels[coarsest][3])]
+    while todo:
+        level, texel = todo.pop()
+        columns, _, first, _ = made.levels[level]
+        row, column = divmod(texel, columns)
+        if level > 0 and rng.uniform() < 0.4:
+            wide, high, _, _ = made.levels[level - 1]
+            below = [(2 * row + down, 2 * column + right) for down in (0, 1) for right in (0, 1)]
+            todo += [(level - 1, r * wide + c) for r, c in below if r < high and c < wide]
+            continue
+        culled = rng.uniform() < 0.05
+        count += not culled
+        made.at[first + texel] = CULLED if culled else count
+        block = np.s_[row << level : (row + 1) << level, column << level : (column + 1) << level]
+        levels[block] = 254 if culled else level
+    made.light = rng.uniform(0, 2, (max(count, 1), 3)).astype(np.float32).astype(np.float64)
+    return made
 
 
 def bindings(case: Case, *names: str, level: int = 0) -> dict[str, NDArray[Any]]:

@@ -14,7 +14,6 @@ use miplight::passes::refine::nodes::NodesParams;
 use miplight::passes::refine::stop_guard::StopGuardParams;
 use miplight::passes::refine::sub_fragments::SubFragmentsParams;
 use miplight::passes::specular::LobeLight;
-use miplight::passes::upsample::rbf::RbfParams;
 use miplight::passes::visibility::reuse::ReuseParams;
 
 /// Twins by their place in the shaders.
@@ -26,9 +25,7 @@ pub(crate) fn twins() -> Vec<(Layout, &'static str, &'static str)> {
     let guard = host_layout!(StopGuardParams { first, hard, pad1, pad2 });
     let extra = host_layout!(ExtraSamplesParams { patterns, seed, pad0, pad1 });
     let mut all = lobes();
-    let rbf = host_layout!(RbfParams { samples, pad0, pad1, pad2 });
     all.extend(vec![
-        (rbf, "passes/upsample/rbf", "RbfParams"),
         (nodes, "passes/refine/nodes", "NodesParams"),
         (reuse(), "common/facing_bits", "ReuseParams"),
         (interleaved(), "common/light_terms", "InterleavedParams"),

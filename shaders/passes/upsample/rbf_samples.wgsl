@@ -1,0 +1,168 @@
+// The samples that the pixels of each large fragment choose from [KJ16 Fig. 5]: its own middle; the fragments beside it, found
+// at pixels just outside of its border; and extra samples on its border [KJ16 Sec. 3.1.4], three of its own and those of the
+// fragments to its right and below. They lie on the surface that the middle sees.
+//   spread  extra samples by the texel that they belong to: a stage may bind no more buffers
+//   main    a thread for each texel from level 3 on
+// In: fragments and their irradiance, extra samples, level_map, G-buffer. Out: extra_rows; border_samples.
+
+import package::common::alike::MOST_TURNED;
+import package::common::border_samples::{COUNT, LARGE, SLOTS, is_near, packed};
+import package::common::fragment::CULLED;
+import package::common::gbuffer::{SURFACE, floats};
+import package::common::grid::{Grid, item_index};
+import package::common::illumination::{MOST_OFF, fragment_at, fragment_irradiance};
+import package::common::pyramid::{level_of, pyramid, texel_number, texel_of};
+import package::common::view::View;
+
+@group(0) @binding(30) var<uniform> grid: Grid;
+@group(0) @binding(1) var<uniform> view: View;
+@group(0) @binding(2) var<storage, read> level_map: array<u32>;
+@group(0) @binding(3) var<storage, read> g_position: array<vec4u>;
+@group(0) @binding(4) var<storage, read> g_normal: array<vec4u>;
+@group(0) @binding(5) var<storage, read> g_geometric: array<vec4u>;
+@group(0) @binding(6) var<storage, read> extra_light: array<vec4f>;
+@group(0) @binding(7) var<storage, read_write> border_samples: array<vec4u>;
+@group(0) @binding(8) var<storage, read> extra_at: array<u32>;
+@group(0) @binding(9) var<storage, read> extra_irradiance: array<vec4f>;
+@group(0) @binding(13) var<storage, read_write> extra_rows: array<vec4f>;
+
+// Whether there are extra samples.
+override EXTRAS: bool = false;
+
+// Places about the border: a corner and four on each side; and of extra samples on it.
+const BESIDE: u32 = 20u;
+const ON_BORDER: u32 = 8u;
+
+@compute @workgroup_size(64)
+fn spread(
+    @builtin(workgroup_id) group: vec3u,
+    @builtin(num_workgroups) groups: vec3u,
+    @builtin(local_invocation_index) lane: u32,
+) {
+    let i = item_index(grid, group, groups, 64u, lane);
+    if i >= grid.end {
+        return;
+    }
+    let at = extra_at[i / 3u];
+    let light = extra_irradiance[select(0u, 3u * (at - 1u) + i % 3u, at != 0u)];
+    extra_rows[i] = select(vec4f(0.0), light, at != 0u);
+}
+
+// The surface that the middle of a fragment sees, and how far off its plane something may lie.
+struct Surface {
+    position: vec3f,
+    normal: vec3f,
+    across: vec3f,
+    reach: f32,
+}
+
+fn surface_at(at: u32, level: u32) -> Surface {
+    let p = floats(g_position[at]);
+    let depth = max(dot(view.eye - p, view.backward), 1e-30);
+    let reach = MOST_OFF * f32(1u << level) * pyramid.pixel_width * depth;
+    return Surface(p, floats(g_normal[at]), floats(g_geometric[at]), reach);
+}
+
+fn lies_on(s: Surface, at: u32) -> bool {
+    let facing = g_normal[at];
+    let off = abs(dot(s.across, floats(g_position[at]) - s.position));
+    let turned = floats(facing) - s.normal;
+    return facing.w == SURFACE && off < s.reach && dot(turned, turned) < MOST_TURNED * MOST_TURNED;
+}
+
+// The pixel in the middle of a fragment of this width, as far as it lies in the image, from its first pixel on.
+fn middle_of(first: vec2i, width: i32) -> vec2i {
+    return min(vec2i(width), vec2i(pyramid.levels[0].xy) - first) / 2;
+}
+
+// Place k around a fragment of this width, clockwise from its upper left corner.
+fn place_beside(k: u32, width: i32) -> vec2i {
+    let side = k / 5u;
+    let step = i32(k % 5u);
+    let along = select((2 * step - 1) * width / 8, -1, step == 0);
+    let back = width - 1 - along;
+    let upper = select(vec2i(along, -1), vec2i(width, along), side == 1u);
+    let lower = select(vec2i(back, width), vec2i(-1, back), side == 3u);
+    return select(upper, lower, side >= 2u);
+}
+
+// Place k of extra samples: upper side, corner, left side; those of the fragments to the right, below, and below right.
+fn place_on_border(k: u32, width: i32) -> vec2i {
+    let half = width / 2;
+    let column = array(half, 0, 0, width, width, 0, half, width);
+    let row = array(0, 0, half, 0, half, width, width, width);
+    return vec2i(column[k], row[k]);
+}
+
+// Row of the extra sample at this very pixel of a fragment of this level; it may be that of none.
+fn extra_row(pixel: vec2u, level: u32) -> u32 {
+    let texel = pixel >> vec2u(level);
+    let within = pixel - (texel << vec2u(level));
+    let half = (1u << level) / 2u;
+    let which = select(select(0u, 2u, within.y != 0u), 1u, all(within == vec2u(0u)));
+    let exact = which == 1u || all(within == select(vec2u(half, 0u), vec2u(0u, half), which == 2u));
+    let row = 3u * (texel_number(pyramid.levels[level], texel) - pyramid.levels[LARGE].z) + which;
+    return select(0xffffffffu, row, exact);
+}
+
+@compute @workgroup_size(64)
+fn main(
+    @builtin(workgroup_id) group: vec3u,
+    @builtin(num_workgroups) groups: vec3u,
+    @builtin(local_invocation_index) lane: u32,
+) {
+    let i = item_index(grid, group, groups, 64u, lane);
+    if i >= grid.end {
+        return;
+    }
+    let number = pyramid.levels[LARGE].z + i;
+    let own = fragment_at[number];
+    if own == 0u || own == CULLED {
+        return;
+    }
+    let level = level_of(number);
+    let width = i32(1u << level);
+    let first = vec2i(texel_of(pyramid.levels[level], number - pyramid.levels[level].z) << vec2u(level));
+    let size = vec2i(pyramid.levels[0].xy);
+    let middle = vec2u(first + middle_of(first, width));
+    let surface = surface_at(middle.y * pyramid.levels[0].x + middle.x, level);
+    let known = g_normal[middle.y * pyramid.levels[0].x + middle.x].w == SURFACE;
+    var count = 1u;
+    border_samples[SLOTS * i] = vec4u(bitcast<vec3u>(fragment_irradiance[own - 1u].xyz), packed(middle_of(first, width), level));
+    var before = own;
+    var earliest = own;
+    for (var k = 0u; k < BESIDE; k++) {
+        let place = first + place_beside(k, width);
+        let inside = known && all(place >= vec2i(0)) && all(place < size);
+        let at = select(0u, u32(place.y) * pyramid.levels[0].x + u32(place.x), inside);
+        let found = level_map[at];
+        if inside && found <= pyramid.coarsest && lies_on(surface, at) {
+            let texel = vec2u(place) >> vec2u(found);
+            let other = fragment_at[texel_number(pyramid.levels[found], texel)];
+            let corner = vec2i(texel << vec2u(found));
+            let there = corner + middle_of(corner, 1i << found) - first;
+            if other != before && other != earliest && other != CULLED && is_near(there) {
+                let light = bitcast<vec3u>(fragment_irradiance[other - 1u].xyz);
+                border_samples[SLOTS * i + count] = vec4u(light, packed(there, found));
+                count++;
+                earliest = select(earliest, other, earliest == own);
+                before = other;
+            }
+        }
+    }
+    for (var k = 0u; k < select(0u, ON_BORDER, EXTRAS); k++) {
+        let place = first + place_on_border(k, width);
+        let inside = known && all(place < size);
+        let at = select(0u, u32(place.y) * pyramid.levels[0].x + u32(place.x), inside);
+        let found = level_map[at];
+        if inside && found >= LARGE && found <= pyramid.coarsest && lies_on(surface, at) {
+            let row = extra_row(vec2u(place), found);
+            let light = extra_light[select(row, 0u, row == 0xffffffffu)];
+            if row != 0xffffffffu && light.w > 0.0 {
+                border_samples[SLOTS * i + count] = vec4u(bitcast<vec3u>(light.xyz), packed(place - first, 0u));
+                count++;
+            }
+        }
+    }
+    border_samples[SLOTS * i + COUNT].w = count;
+}
