@@ -45,9 +45,9 @@ def main(
     parts: Parts,
     stem: str,
     description: str | None,
-    more: Callable[[list[Row]], str] = lambda rows: "",
+    more: Callable[[list[Row]], str] | None = None,
 ) -> int:
-    """Run the parts, print a line a row, and write the table, and what `more` adds to it, unless it is quick."""
+    """Run the parts, print a line a row; unless it is quick, write the table and what `more` adds to it."""
     parser = argparse.ArgumentParser(
         description=description, formatter_class=argparse.RawDescriptionHelpFormatter
     )
@@ -67,5 +67,5 @@ def main(
         (RESULTS / f"{stem}.json").write_text(
             json.dumps({"about": facts, "rows": rows}, indent=1, default=float) + "\n"
         )
-        (RESULTS / f"{stem}.md").write_text(_markdown(rows, facts) + more(rows))
+        (RESULTS / f"{stem}.md").write_text(_markdown(rows, facts) + (more(rows) if more else ""))
     return int(not all(found["good"] for found in rows) and not options.quick)

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 import miplight as ml
 from miplight import demo
 from miplight.frame import IMAGES
-from miplight.notebook import auto_exposure, png_bytes, to_srgb8
+from miplight.notebook import auto_exposure, level_colors, png_bytes, to_srgb8
 
 OUT = Path(__file__).parent / "pictures"
 SIZE = 256
@@ -104,13 +104,42 @@ def level_by_level(renderer: ml.Renderer) -> str:
     return _times(frame, "Direct light by the preset area-2010", settings)
 
 
+def inside_fragments(renderer: ml.Renderer) -> str:
+    """Write fragments and extra samples of `area-2016`, and what interpolation leaves; return its times."""
+    job = demo.spot_in_a_room(2 * SIZE, 2 * SIZE)
+    settings = ml.Settings.preset("area-2016")
+    exact = ml.Settings.preset("brute-force").replace(light_samples=1024)
+    wanted = renderer.render(job.scene, job.camera, exact, outputs=("direct",)).direct
+    frame = renderer.render(job.scene, job.camera, settings, keep=("stable_map", "extra_map"))
+    levels = level_colors(frame.fragments.level_map)[..., :3]
+    samples = np.where(frame["stable_map"][..., None], 0.6 * levels + (0, 70, 0), levels).astype(np.uint8)
+    samples[frame["extra_map"]] = (255, 0, 0)
+    around = settings.replace(refine="incremental", interleave=1, illumination_threshold=None)
+    figure, axes = plt.subplots(2, 2, figsize=(9, 9.4), layout="constrained")
+    count = f"{frame.fragments.total:,} fragments and {frame.fragments.extra:,} extra samples"
+    other = renderer.render(job.scene, job.camera, around).fragments
+    shown = [(samples, count + "; stable regions green")]
+    shown.append((level_colors(other.level_map)[..., :3], f"the 3 × 3 test: {other.total:,} fragments"))
+    for label, change in (("edge-aware", {"upsample": "edge-aware"}), ("radial bases", {})):
+        found = renderer.render(job.scene, job.camera, settings.replace(**change), outputs=("direct",)).direct
+        shown.append((0.5 + (found - wanted).mean(-1) / wanted.mean() * 2, f"error, {label}: grey is none"))
+    for ax, (pixels, title) in zip(axes.ravel(), shown, strict=True):
+        ax.imshow(pixels, cmap="gray", vmin=0, vmax=1, interpolation="nearest")
+        ax.set_title(title, fontsize=9)
+        ax.set_axis_off()
+    figure.savefig(OUT / "sub_fragments.png", dpi=90)
+    plt.close(figure)
+    return _times(frame, "Direct light by the preset area-2016, at twice the size", settings)
+
+
 def main() -> None:
     """Render and write each stage."""
     warnings.simplefilter("ignore", ml.SoftwareAdapterWarning)
     plt.switch_backend("Agg")
     OUT.mkdir(exist_ok=True)
     with ml.Renderer() as renderer:
-        times = [brute_force(renderer), default_direct(renderer), level_by_level(renderer)]
+        makers = (brute_force, default_direct, level_by_level, inside_fragments)
+        times = [make(renderer) for make in makers]
     (OUT / "times.md").write_text("\n\n".join(times) + "\n")
 
 

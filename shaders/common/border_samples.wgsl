@@ -1,5 +1,5 @@
 // Samples in and about the large fragments, which their pixels take light from; a list of slots for each texel from level 3 on.
-// A slot: xyz the bits of irradiance, w the place from the texel's first pixel on and the level, see `packed`.
+// A slot: xyz the bits of irradiance, w the place from the texel's first pixel on, see `packed`.
 
 const LARGE: u32 = 3u;          // the smallest fragments that have a list
 const SLOTS: u32 = 32u;
@@ -7,10 +7,10 @@ const COUNT: u32 = 31u;         // the slot whose fourth number says how many th
 
 const BIAS: i32 = 4096;
 
-// Level in the five highest bits, then row and column, which are dropped when they are too far.
-fn packed(place: vec2i, level: u32) -> u32 {
+// Row and column; a sample that is too far for them is none.
+fn packed(place: vec2i) -> u32 {
     let at = vec2u(place + BIAS);
-    return (level << 26u) | (at.y << 13u) | at.x;
+    return (at.y << 13u) | at.x;
 }
 
 fn is_near(place: vec2i) -> bool {
@@ -18,9 +18,5 @@ fn is_near(place: vec2i) -> bool {
 }
 
 fn place_of(word: u32) -> vec2f {
-    return vec2f(vec2i(i32(word & 0x1fffu), i32((word >> 13u) & 0x1fffu)) - BIAS);
-}
-
-fn width_of(word: u32) -> f32 {
-    return f32(1u << (word >> 26u));
+    return vec2f(vec2i(i32(word & 0x1fffu), i32(word >> 13u)) - BIAS);
 }

@@ -1,6 +1,6 @@
 // Those samples of a large fragment that lie nearest to a pixel of it.
 
-import package::common::border_samples::{COUNT, SLOTS, place_of, width_of};
+import package::common::border_samples::{COUNT, SLOTS, place_of};
 import package::common::radial_basis::Samples;
 
 @group(0) @binding(7) var<storage, read> border_samples: array<vec4u>;
@@ -37,7 +37,7 @@ fn nearest_samples(row: u32, here: vec2f, counts: bool) -> Nearest {
 }
 
 // Adds a sample, unless one of those there is near it.
-fn with_sample(s: Samples, place: vec2f, width: f32, light: vec3f, close: f32, counts: bool) -> Samples {
+fn with_sample(s: Samples, place: vec2f, light: vec3f, close: f32, counts: bool) -> Samples {
     var more = s;
     var fits = counts && s.count < 4u;
     for (var i = 0u; i < 4u; i++) {
@@ -47,7 +47,6 @@ fn with_sample(s: Samples, place: vec2f, width: f32, light: vec3f, close: f32, c
     for (var i = 0u; i < 4u; i++) {
         let here = fits && s.count == i;
         more.place[i] = select(s.place[i], place, here);
-        more.width[i] = select(s.width[i], width, here);
         more.light[i] = select(s.light[i], light, here);
     }
     more.count += select(0u, 1u, fits);
@@ -58,5 +57,5 @@ fn with_sample(s: Samples, place: vec2f, width: f32, light: vec3f, close: f32, c
 fn with_nearest(s: Samples, row: u32, origin: vec2f, key: u32, close: f32, counts: bool) -> Samples {
     let found = counts && key < NOBODY;
     let sample = border_samples[SLOTS * row + select(0u, key & SLOT, found)];
-    return with_sample(s, origin + place_of(sample.w), width_of(sample.w), bitcast<vec3f>(sample.xyz), close, found);
+    return with_sample(s, origin + place_of(sample.w), bitcast<vec3f>(sample.xyz), close, found);
 }

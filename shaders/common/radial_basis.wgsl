@@ -4,11 +4,10 @@ const C: f32 = 2.0;     // [KJ16 Eq. 2b]
 // Least pivot of a matrix that is solved; below it weights are normalised.
 const LEAST_PIVOT: f32 = 1e-4;
 
-// Samples of a pixel: places in pixels, widths of their fragments, light.
+// Samples of a pixel: places in pixels, light.
 struct Samples {
     count: u32,
     place: array<vec2f, 4>,
-    width: vec4f,
     light: array<vec3f, 4>,
 }
 

@@ -80,7 +80,7 @@ fn with_beside(s: Samples, seen: Seen, pixel: vec2u, counts: bool) -> Samples {
     let fragment = fragment_at[texel_at(select(vec2u(0u), pixel, lit), own)];
     let found = lit && alike && fragment != 0u && fragment != CULLED;
     let light = fragment_irradiance[select(0u, fragment - 1u, found)].xyz;
-    return with_sample(s, vec2f(middle_of(pixel >> vec2u(own), own)), f32(1u << own), light, 0.0, found);
+    return with_sample(s, vec2f(middle_of(pixel >> vec2u(own), own)), light, 0.0, found);
 }
 
 // The samples of a pixel of level 1 or 2.
@@ -91,7 +91,7 @@ fn samples_beside(pixel: vec2u, at: u32, level: u32, own: vec3f) -> Samples {
     let first = texel << vec2u(level);
     let outside = select(first + (1u << level), first - 1u, pixel < middle);
     var s: Samples;
-    s = with_sample(s, vec2f(middle), f32(1u << level), own, 0.0, true);
+    s = with_sample(s, vec2f(middle), own, 0.0, true);
     s = with_beside(s, seen, vec2u(outside.x, pixel.y), SAMPLES > 1u);
     s = with_beside(s, seen, vec2u(pixel.x, outside.y), SAMPLES > 2u);
     return with_beside(s, seen, outside, SAMPLES > 3u);

@@ -1,5 +1,5 @@
 // Radial basis functions as the paper's text has them, where that can be computed [KJ16 Eqs. 1 to 3]: levels up to 2 are
-// copied, above three samples, each with its own width, no constant, and two samples averaged.
+// copied, above three samples, no constant, and two samples averaged.
 // In: fragments and their irradiance, border_samples, level_map. Out: irradiance a pixel.
 
 import package::common::border_samples::LARGE;
@@ -13,15 +13,17 @@ import package::common::radial_basis::{LEAST_PIVOT, Samples, basis};
 @group(0) @binding(2) var<storage, read> level_map: array<u32>;
 @group(0) @binding(8) var<storage, read_write> direct_irradiance: array<vec4f>;
 
-fn of_the_paper(s: Samples, here: vec2f, own: vec3f) -> vec3f {
-    let phi = vec3f(
-        basis(here, s.place[0], s.width[0]), basis(here, s.place[1], s.width[1]), basis(here, s.place[2], s.width[2]));
+fn of_the_paper(s: Samples, here: vec2f, width: f32, own: vec3f) -> vec3f {
+    let phi = vec3f(basis(here, s.place[0], width), basis(here, s.place[1], width), basis(here, s.place[2], width));
     if s.count == 2u {
         return (phi.x * s.light[0] + phi.y * s.light[1]) / max(phi.x + phi.y, 1e-30);
     }
-    let a = vec3f(1.0, basis(s.place[1], s.place[0], s.width[0]), basis(s.place[2], s.place[0], s.width[0]));
-    let b = vec3f(basis(s.place[0], s.place[1], s.width[1]), 1.0, basis(s.place[2], s.place[1], s.width[1]));
-    let c = vec3f(basis(s.place[0], s.place[2], s.width[2]), basis(s.place[1], s.place[2], s.width[2]), 1.0);
+    let near = basis(s.place[0], s.place[1], width);
+    let far = basis(s.place[0], s.place[2], width);
+    let beside = basis(s.place[1], s.place[2], width);
+    let a = vec3f(1.0, near, far);
+    let b = vec3f(near, 1.0, beside);
+    let c = vec3f(far, beside, 1.0);
     // Columns a, b, c: rows of the inverse are these over the determinant.
     let volume = dot(a, cross(b, c));
     let weights = vec3f(dot(phi, vec3f(cross(b, c).x, cross(c, a).x, cross(a, b).x)),
@@ -55,7 +57,7 @@ fn main(
             s = with_nearest(s, row, first, n.one, 0.0, true);
             s = with_nearest(s, row, first, n.two, 0.0, true);
             s = with_nearest(s, row, first, n.three, 0.0, true);
-            light = of_the_paper(s, vec2f(pixel), light);
+            light = of_the_paper(s, vec2f(pixel), f32(1u << level), light);
         }
     }
     direct_irradiance[i] = vec4f(light, 0.0);

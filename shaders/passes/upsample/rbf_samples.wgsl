@@ -128,7 +128,7 @@ fn main(
     let surface = surface_at(middle.y * pyramid.levels[0].x + middle.x, level);
     let known = g_normal[middle.y * pyramid.levels[0].x + middle.x].w == SURFACE;
     var count = 1u;
-    border_samples[SLOTS * i] = vec4u(bitcast<vec3u>(fragment_irradiance[own - 1u].xyz), packed(middle_of(first, width), level));
+    border_samples[SLOTS * i] = vec4u(bitcast<vec3u>(fragment_irradiance[own - 1u].xyz), packed(middle_of(first, width)));
     var before = own;
     var earliest = own;
     for (var k = 0u; k < BESIDE; k++) {
@@ -143,7 +143,7 @@ fn main(
             let there = corner + middle_of(corner, 1i << found) - first;
             if other != before && other != earliest && other != CULLED && is_near(there) {
                 let light = bitcast<vec3u>(fragment_irradiance[other - 1u].xyz);
-                border_samples[SLOTS * i + count] = vec4u(light, packed(there, found));
+                border_samples[SLOTS * i + count] = vec4u(light, packed(there));
                 count++;
                 earliest = select(earliest, other, earliest == own);
                 before = other;
@@ -159,7 +159,7 @@ fn main(
             let row = extra_row(vec2u(place), found);
             let light = extra_light[select(row, 0u, row == 0xffffffffu)];
             if row != 0xffffffffu && light.w > 0.0 {
-                border_samples[SLOTS * i + count] = vec4u(bitcast<vec3u>(light.xyz), packed(place - first, 0u));
+                border_samples[SLOTS * i + count] = vec4u(bitcast<vec3u>(light.xyz), packed(place - first));
                 count++;
             }
         }

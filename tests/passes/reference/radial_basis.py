@@ -19,16 +19,11 @@ LARGE, SLOTS, BIAS, TOP = 3, 32, 4096, 5
 
 @dataclasses.dataclass
 class Sample:
-    """What a pixel may take light from: where it lies, in pixels, its level and its light."""
+    """What a pixel may take light from: where it lies, in pixels, the level of its fragment and its light."""
 
     place: Array
     level: int
     light: Array
-
-    @property
-    def width(self) -> float:
-        """Of its fragment; an extra sample is a pixel wide."""
-        return 2.0**self.level
 
 
 @dataclasses.dataclass
@@ -165,7 +160,7 @@ def border_words(case: Case, extras: Extras | None = None) -> tuple[NDArray[np.u
         for slot, sample in enumerate(samples):
             x, y = (sample.place - np.array([column << level, line << level])).astype(int) + BIAS
             words[row, slot, :3] = sample.light.astype(np.float32).view(np.uint32)
-            words[row, slot, 3] = sample.level << 26 | y << 13 | x
+            words[row, slot, 3] = y << 13 | x
         words[row, SLOTS - 1, 3] = len(samples)
     return words.reshape(-1, 4), clear
 
@@ -259,7 +254,7 @@ def rbf(case: Case, most: int = 3, extras: Extras | None = None) -> tuple[Array,
 
 
 def rbf_paper(case: Case, extras: Extras | None = None) -> tuple[Array, NDArray[np.bool_]]:
-    """[KJ16 Eqs. 1 to 3] with each sample's own width in its column; levels up to 2 are copied."""
+    """[KJ16 Eqs. 1 to 3] with one width, that of the pixel's fragment; levels up to 2 are copied."""
     image, clear = np.zeros((len(case.g.kind), 3)), np.ones(len(case.g.kind), bool)
     lists = _lists(case, extras)
     for pixel, level, own, here in _shaded(case):
@@ -269,12 +264,12 @@ def rbf_paper(case: Case, extras: Extras | None = None) -> tuple[Array, NDArray[
         samples, sure = lists[level, int(here[1]) >> level, int(here[0]) >> level]
         chosen = nearest_of(samples, here, 3, 0.0)
         clear[pixel] = sure
-        phi = np.array([_basis(here, s.place, s.width) for s in chosen])
+        phi = np.array([_basis(here, s.place, 2.0**level) for s in chosen])
         light = np.stack([s.light for s in chosen])
         if len(chosen) == 2:
             image[pixel] = phi @ light / max(phi.sum(), 1e-30)
         elif len(chosen) == 3:
-            matrix = np.array([[_basis(s.place, t.place, t.width) for t in chosen] for s in chosen])
+            matrix = np.array([[_basis(s.place, t.place, 2.0**level) for t in chosen] for s in chosen])
             volume = abs(np.linalg.det(matrix))
             clear[pixel] &= abs(volume / LEAST_PIVOT - 1) > 0.01
             if volume > LEAST_PIVOT:
