@@ -4,7 +4,7 @@ use miplight::gpu::{self, AdapterFacts, Gpu, Resources, Usage, never};
 
 #[path = "gpu_common.rs"]
 mod common;
-use common::{HEAD, NUMBER, alone, device, kernel, message};
+use common::{HEAD, NUMBER, device, kernel, message};
 
 fn adapter(name: &str, device_type: &'static str) -> AdapterFacts {
     AdapterFacts { name: name.into(), backend: "vulkan".into(), driver: String::new(), device_type }
