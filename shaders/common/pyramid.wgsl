@@ -39,3 +39,9 @@ fn footprint(level: u32, texel: vec2u) -> vec4u {
     let first = texel << vec2u(level);
     return vec4u(first, min(vec2u(1u << level), pyramid.levels[0].xy - first));
 }
+
+// The pixel in the middle of these.
+fn middle_of(level: u32, texel: vec2u) -> vec2u {
+    let pixels = footprint(level, texel);
+    return pixels.xy + pixels.zw / 2u;
+}

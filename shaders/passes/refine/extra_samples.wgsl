@@ -5,6 +5,7 @@
 // In: fragment_at, G-buffer. Out: extra_flags; extra_receivers, extra_irradiance (fourth number 1 where there is a sample),
 // extra_at (a texel from level 3 on: 1 + the number of its fragment in the list, or 0), extra_count.
 
+import package::common::border_samples::LARGE;
 import package::common::fragment::CULLED;
 import package::common::gbuffer::SURFACE;
 import package::common::grid::{Grid, item_index};
@@ -31,9 +32,6 @@ struct ExtraSamplesParams {
 @group(0) @binding(8) var<storage, read_write> extra_irradiance: array<vec4f>;
 @group(0) @binding(9) var<storage, read_write> extra_at: array<u32>;
 @group(0) @binding(10) var<storage, read_write> extra_count: array<atomic<u32>>;
-
-// The smallest fragments that have extra samples.
-const LARGE: u32 = 3u;
 
 @compute @workgroup_size(64)
 fn find(

@@ -8,24 +8,18 @@
 //   small  a list of pixels of level 1 or 2
 // In: fragments and their irradiance, border_samples, level_map, G-buffer. Out: irradiance a pixel.
 
-import package::common::alike::MOST_TURNED;
 import package::common::border_samples::LARGE;
 import package::common::fragment::CULLED;
-import package::common::gbuffer::{SURFACE, floats};
 import package::common::grid::{Grid, item_index};
-import package::common::illumination::{MOST_OFF, fragment_at, fragment_irradiance};
+import package::common::illumination::{fragment_at, fragment_irradiance};
 import package::common::nearest_samples::{nearest_samples, with_nearest, with_sample};
-import package::common::pyramid::{pyramid, texel_number, texel_of};
+import package::common::pyramid::{middle_of, pyramid, texel_number, texel_of};
 import package::common::radial_basis::{Samples, weights_at};
+import package::common::same_surface::{Surface, lies_on, surface_at};
 import package::common::tiles::pixel_in_tile_order;
-import package::common::view::View;
 
 @group(0) @binding(30) var<uniform> grid: Grid;
-@group(0) @binding(1) var<uniform> view: View;
 @group(0) @binding(2) var<storage, read> level_map: array<u32>;
-@group(0) @binding(3) var<storage, read> g_position: array<vec4u>;
-@group(0) @binding(4) var<storage, read> g_normal: array<vec4u>;
-@group(0) @binding(5) var<storage, read> g_geometric: array<vec4u>;
 @group(0) @binding(6) var<storage, read> small_pixels: array<u32>;
 @group(0) @binding(8) var<storage, read_write> direct_irradiance: array<vec4f>;
 
@@ -45,49 +39,25 @@ fn texel_at(pixel: vec2u, level: u32) -> u32 {
     return number;
 }
 
-// What a pixel sees, and how far off its plane something may lie.
-struct Seen {
-    position: vec3f,
-    normal: vec3f,
-    across: vec3f,
-    reach: f32,
-}
-
-fn seen_at(at: u32, level: u32) -> Seen {
-    let p = floats(g_position[at]);
-    let depth = max(dot(view.eye - p, view.backward), 1e-30);
-    let reach = MOST_OFF * f32(1u << level) * pyramid.pixel_width * depth;
-    return Seen(p, floats(g_normal[at]), floats(g_geometric[at]), reach);
-}
-
-// The pixel in the middle of a texel, as far as it lies in the image.
-fn middle_of(texel: vec2u, level: u32) -> vec2u {
-    let first = texel << vec2u(level);
-    return first + min(vec2u(1u << level), pyramid.levels[0].xy - first) / 2u;
-}
-
 // Adds the fragment at a pixel beside, if that lies on the surface.
-fn with_beside(s: Samples, seen: Seen, pixel: vec2u, counts: bool) -> Samples {
+fn with_beside(s: Samples, seen: Surface, pixel: vec2u, counts: bool) -> Samples {
     let inside = counts && all(pixel < pyramid.levels[0].xy);
     let at = select(0u, pixel.y * pyramid.levels[0].x + pixel.x, inside);
-    let facing = g_normal[at];
     let level = level_map[at];
-    let off = abs(dot(seen.across, floats(g_position[at]) - seen.position));
-    let turned = floats(facing) - seen.normal;
-    let alike = facing.w == SURFACE && off < seen.reach && dot(turned, turned) < MOST_TURNED * MOST_TURNED;
+    let alike = lies_on(seen, at);
     let lit = inside && level <= pyramid.coarsest;
     let own = select(0u, level, lit);
     let fragment = fragment_at[texel_at(select(vec2u(0u), pixel, lit), own)];
     let found = lit && alike && fragment != 0u && fragment != CULLED;
     let light = fragment_irradiance[select(0u, fragment - 1u, found)].xyz;
-    return with_sample(s, vec2f(middle_of(pixel >> vec2u(own), own)), light, 0.0, found);
+    return with_sample(s, vec2f(middle_of(own, pixel >> vec2u(own))), light, 0.0, found);
 }
 
 // The samples of a pixel of level 1 or 2.
 fn samples_beside(pixel: vec2u, at: u32, level: u32, own: vec3f) -> Samples {
-    let seen = seen_at(at, level);
+    let seen = surface_at(at, level);
     let texel = pixel >> vec2u(level);
-    let middle = middle_of(texel, level);
+    let middle = middle_of(level, texel);
     let first = texel << vec2u(level);
     let outside = select(first + (1u << level), first - 1u, pixel < middle);
     var s: Samples;

@@ -5,21 +5,16 @@
 //   main    a thread for each texel from level 3 on
 // In: fragments and their irradiance, extra samples, level_map, G-buffer. Out: extra_rows; border_samples.
 
-import package::common::alike::MOST_TURNED;
 import package::common::border_samples::{COUNT, LARGE, SLOTS, is_near, packed};
 import package::common::fragment::CULLED;
-import package::common::gbuffer::{SURFACE, floats};
+import package::common::gbuffer::SURFACE;
 import package::common::grid::{Grid, item_index};
-import package::common::illumination::{MOST_OFF, fragment_at, fragment_irradiance};
-import package::common::pyramid::{level_of, pyramid, texel_number, texel_of};
-import package::common::view::View;
+import package::common::illumination::{fragment_at, fragment_irradiance};
+import package::common::pyramid::{level_of, middle_of, pyramid, texel_number, texel_of};
+import package::common::same_surface::{g_normal, lies_on, surface_at};
 
 @group(0) @binding(30) var<uniform> grid: Grid;
-@group(0) @binding(1) var<uniform> view: View;
 @group(0) @binding(2) var<storage, read> level_map: array<u32>;
-@group(0) @binding(3) var<storage, read> g_position: array<vec4u>;
-@group(0) @binding(4) var<storage, read> g_normal: array<vec4u>;
-@group(0) @binding(5) var<storage, read> g_geometric: array<vec4u>;
 @group(0) @binding(6) var<storage, read> extra_light: array<vec4f>;
 @group(0) @binding(7) var<storage, read_write> border_samples: array<vec4u>;
 @group(0) @binding(8) var<storage, read> extra_at: array<u32>;
@@ -46,33 +41,6 @@ fn spread(
     let at = extra_at[i / 3u];
     let light = extra_irradiance[select(0u, 3u * (at - 1u) + i % 3u, at != 0u)];
     extra_rows[i] = select(vec4f(0.0), light, at != 0u);
-}
-
-// The surface that the middle of a fragment sees, and how far off its plane something may lie.
-struct Surface {
-    position: vec3f,
-    normal: vec3f,
-    across: vec3f,
-    reach: f32,
-}
-
-fn surface_at(at: u32, level: u32) -> Surface {
-    let p = floats(g_position[at]);
-    let depth = max(dot(view.eye - p, view.backward), 1e-30);
-    let reach = MOST_OFF * f32(1u << level) * pyramid.pixel_width * depth;
-    return Surface(p, floats(g_normal[at]), floats(g_geometric[at]), reach);
-}
-
-fn lies_on(s: Surface, at: u32) -> bool {
-    let facing = g_normal[at];
-    let off = abs(dot(s.across, floats(g_position[at]) - s.position));
-    let turned = floats(facing) - s.normal;
-    return facing.w == SURFACE && off < s.reach && dot(turned, turned) < MOST_TURNED * MOST_TURNED;
-}
-
-// The pixel in the middle of a fragment of this width, as far as it lies in the image, from its first pixel on.
-fn middle_of(first: vec2i, width: i32) -> vec2i {
-    return min(vec2i(width), vec2i(pyramid.levels[0].xy) - first) / 2;
 }
 
 // Place k around a fragment of this width, clockwise from its upper left corner.
@@ -122,13 +90,14 @@ fn main(
     }
     let level = level_of(number);
     let width = i32(1u << level);
-    let first = vec2i(texel_of(pyramid.levels[level], number - pyramid.levels[level].z) << vec2u(level));
+    let texel = texel_of(pyramid.levels[level], number - pyramid.levels[level].z);
+    let first = vec2i(texel << vec2u(level));
     let size = vec2i(pyramid.levels[0].xy);
-    let middle = vec2u(first + middle_of(first, width));
+    let middle = middle_of(level, texel);
     let surface = surface_at(middle.y * pyramid.levels[0].x + middle.x, level);
     let known = g_normal[middle.y * pyramid.levels[0].x + middle.x].w == SURFACE;
     var count = 1u;
-    border_samples[SLOTS * i] = vec4u(bitcast<vec3u>(fragment_irradiance[own - 1u].xyz), packed(middle_of(first, width)));
+    border_samples[SLOTS * i] = vec4u(bitcast<vec3u>(fragment_irradiance[own - 1u].xyz), packed(vec2i(middle) - first));
     var before = own;
     var earliest = own;
     for (var k = 0u; k < BESIDE; k++) {
@@ -137,10 +106,9 @@ fn main(
         let at = select(0u, u32(place.y) * pyramid.levels[0].x + u32(place.x), inside);
         let found = level_map[at];
         if inside && found <= pyramid.coarsest && lies_on(surface, at) {
-            let texel = vec2u(place) >> vec2u(found);
-            let other = fragment_at[texel_number(pyramid.levels[found], texel)];
-            let corner = vec2i(texel << vec2u(found));
-            let there = corner + middle_of(corner, 1i << found) - first;
+            let beside = vec2u(place) >> vec2u(found);
+            let other = fragment_at[texel_number(pyramid.levels[found], beside)];
+            let there = vec2i(middle_of(found, beside)) - first;
             if other != before && other != earliest && other != CULLED && is_near(there) {
                 let light = bitcast<vec3u>(fragment_irradiance[other - 1u].xyz);
                 border_samples[SLOTS * i + count] = vec4u(light, packed(there));

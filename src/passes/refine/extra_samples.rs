@@ -12,7 +12,7 @@ use crate::passes::{Context, GBuffer};
 
 /// Samples of a fragment.
 pub const SAMPLES: usize = 3;
-/// The smallest fragments that have some; twin of `LARGE` in `shaders/passes/refine/extra_samples.wgsl`.
+/// The smallest fragments that have some; twin of `LARGE` in `shaders/common/border_samples.wgsl`.
 pub const LARGE: u32 = 3;
 
 /// Twin of `ExtraSamplesParams` in `shaders/passes/refine/extra_samples.wgsl`.
