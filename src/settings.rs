@@ -3,13 +3,26 @@
 mod presets;
 mod spec;
 mod table;
+mod virtual_table;
 
 use std::collections::BTreeMap;
 
 use crate::error::{Error, Result};
 pub use presets::{Changes, PRESETS};
 pub use spec::{Default, Kind, Spec, Value};
-pub use table::SPECS;
+
+const COUNT: usize = table::GENERAL.len() + virtual_table::VIRTUAL.len();
+
+/// All settings, in the order in which they are documented.
+pub const SPECS: &[Spec] = &{
+    let mut all = [table::GENERAL[0]; COUNT];
+    let (general, mut i) = (table::GENERAL.len(), 0);
+    while i < COUNT {
+        all[i] = if i < general { table::GENERAL[i] } else { virtual_table::VIRTUAL[i - general] };
+        i += 1;
+    }
+    all
+};
 
 /// Checked settings, every one of them present.
 #[derive(Debug, Clone, PartialEq)]

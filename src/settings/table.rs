@@ -1,10 +1,10 @@
-//! The table of all settings: each stated once, with its range, unit and source.
+//! The table of settings: each stated once, with its range, unit and source; those of virtual lights stand beside it.
 
 use super::spec::{Default, Kind, Spec};
 
-const OFF_ON: &[&str] = &["off", "on"];
+pub(super) const OFF_ON: &[&str] = &["off", "on"];
 
-const fn choice(
+pub(super) const fn choice(
     name: &'static str,
     choices: &'static [&'static str],
     available: &'static [&'static str],
@@ -16,7 +16,7 @@ const fn choice(
     Spec { name, kind, default: Default::Text(default), pending: false, nullable: false, unit: "", doc, source }
 }
 
-const fn int(name: &'static str, range: [i64; 2], default: i64, doc: &'static str, source: &'static str) -> Spec {
+pub(super) const fn int(name: &'static str, range: [i64; 2], default: i64, doc: &'static str, source: &'static str) -> Spec {
     let kind = Kind::Int { min: range[0], max: range[1], only: &[] };
     Spec { name, kind, default: Default::Int(default), pending: false, nullable: false, unit: "", doc, source }
 }
@@ -29,41 +29,51 @@ const fn level(name: &'static str, default: i64, doc: &'static str, source: &'st
     Spec { unit: "level", ..int(name, [0, 16], default, doc, source) }
 }
 
-const fn threshold(name: &'static str, default: f64, doc: &'static str, source: &'static str) -> Spec {
+pub(super) const fn threshold(name: &'static str, default: f64, doc: &'static str, source: &'static str) -> Spec {
     let kind = Kind::Float { min: 0.0, max: f64::MAX, exclusive: false };
     Spec { name, kind, default: Default::Float(default), pending: false, nullable: true, unit: "", doc, source }
 }
 
-const POSITIVE: Kind = Kind::Float { min: 0.0, max: f64::MAX, exclusive: true };
+pub(super) const POSITIVE: Kind = Kind::Float { min: 0.0, max: f64::MAX, exclusive: true };
 
-/// The table of all settings, in the order in which they are documented.
-pub const SPECS: &[Spec] = &[
+/// Settings of all but virtual lights, in the order in which they are documented.
+pub(super) const GENERAL: &[Spec] = &[
     choice("direct", OFF_ON, OFF_ON, "on", "Light that comes straight from the lights.", "[SW91]"),
     choice(
         "indirect",
         &["off", "splat", "gather", "clustered", "hierarchical", "lpv", "final-gather"],
-        &["off", "final-gather"],
+        &["off", "splat", "gather", "clustered", "hierarchical", "final-gather"],
         "off",
-        "How light that was reflected before is found.",
-        "[Kaj86]",
+        "How light that was reflected before is found: by rays from each pixel (`final-gather`), or from virtual lights in \
+         reflective shadow maps: each of a list splatted, or gathered from; clusters of them; a cut through their tree for \
+         each fragment.",
+        "[Kaj86; NW09; NSW09]",
     ),
     int("bounces", [1, 64], 1, "Reflections before the last one; `final-gather` only.", "[Kaj86]"),
     int("gather_rays", [1, 65_536], 256, "Stratified hemisphere rays a pixel; `final-gather` only.", "[WRC88]"),
     choice(
         "indirect_visibility",
         OFF_ON,
-        &["on"],
+        OFF_ON,
         "on",
-        "Occlusion between a surface and what lights it indirectly.",
+        "Occlusion between a surface and what lights it indirectly; `final-gather` has no choice.",
         "[NW09]",
     ),
     choice(
         "refine",
         &["none", "iterative", "one-pass", "incremental", "sub-fragment"],
-        &["none", "one-pass", "incremental", "sub-fragment"],
+        &["none", "iterative", "one-pass", "incremental", "sub-fragment"],
         "none",
         "How fragments are split; `none` shades every pixel.",
         "[NW09; NSW09; NPW10; KJ16]",
+    ),
+    choice(
+        "direct_refine",
+        &["same", "none"],
+        &["same", "none"],
+        "same",
+        "Whether direct light has fragments as `refine` says, or is found at every pixel while indirect light has them.",
+        "[NW09]",
     ),
     choice(
         "visibility",
@@ -121,9 +131,9 @@ pub const SPECS: &[Spec] = &[
     choice(
         "form_factor",
         &["point", "disc", "quad"],
-        &["point"],
+        &["point", "disc", "quad"],
         "point",
-        "What a virtual light is taken for.",
+        "What a virtual light is taken for: a point, a disc, or near it the exact quadrilateral of its texels.",
         "[NSW09 Eq. 1]",
     ),
     int(
@@ -151,7 +161,6 @@ pub const SPECS: &[Spec] = &[
         "Where in its stratum a sample lies: in the middle, or at a place that differs from pixel to pixel.",
         "[CPC84]",
     ),
-    later("vpls", Kind::Int { min: 1, max: 1_048_576, only: &[] }, "", "Virtual point lights.", "[NW09]"),
     level("coarsest_level", 4, "Level of the largest fragments.", "[NW09]"),
     level(
         "finest_level",
@@ -208,7 +217,6 @@ pub const SPECS: &[Spec] = &[
             "[NPW10 Sec. 3.3.2; KJ16 Sec. 3.1.2]",
         )
     },
-    later("light_cut_threshold", POSITIVE, "", "Contribution above which a light cluster is split.", "[NSW09 Eq. 7]"),
     Spec {
         unit: "voxels",
         ..int("voxel_resolution", [16, 2048], 256, "Voxels along the longer side of the view.", "[NPW10 Sec. 4.2]")
