@@ -1,1 +1,70 @@
-// Not written yet.
+// Irradiance at each receiver from every virtual light of a list [NSW09 Sec. 3.2.2].
+// In: receivers, the list, maps. Out: irradiance.
+
+import package::common::form_factor::{
+    DISC, Lit, POINT, QUAD, disc_irradiance, is_near, patch_of, quad_irradiance,
+};
+import package::common::grid::{Grid, item_index};
+import package::common::ray::Receiver;
+import package::common::receiver::INACTIVE;
+import package::common::rsm::RsmMap;
+
+struct VplGatherParams {
+    count: u32,
+    reach: f32,
+    pad0: u32,
+    pad1: u32,
+}
+
+override FORM: u32 = 0u;
+// Quadrilaterals of a receiver at most; what is near beyond that is taken for discs.
+const MOST_NEAR: u32 = 32u;
+
+@group(0) @binding(30) var<uniform> grid: Grid;
+@group(0) @binding(0) var<uniform> params: VplGatherParams;
+@group(0) @binding(1) var<storage, read> receivers: array<Receiver>;
+@group(0) @binding(2) var<storage, read> maps: array<RsmMap>;
+@group(0) @binding(3) var<storage, read> virtual_lights: array<vec4f>;
+@group(0) @binding(4) var<storage, read_write> irradiance: array<vec4f>;
+
+@compute @workgroup_size(64)
+fn main(
+    @builtin(workgroup_id) group: vec3u,
+    @builtin(num_workgroups) groups: vec3u,
+    @builtin(local_invocation_index) lane: u32,
+) {
+    let i = item_index(grid, group, groups, 64u, lane);
+    if i >= grid.end || receivers[i].pixel == INACTIVE {
+        return;
+    }
+    let r = receivers[i];
+    let at = Lit(r.origin, r.normal_shade, r.normal_geo);
+    var sum = vec3f(0.0);
+    var near: array<u32, MOST_NEAR>;
+    var nears = 0u;
+    for (var j = 0u; j < params.count; j++) {
+        let place = virtual_lights[4u * j];
+        let facing = virtual_lights[4u * j + 1u];
+        let flux = virtual_lights[4u * j + 2u].xyz;
+        var light = disc_irradiance(at, place, facing, flux, FORM != POINT, params.reach);
+        if FORM == QUAD {
+            if is_near(at, place, facing) && nears < MOST_NEAR && any(flux > vec3f(0.0)) {
+                near[nears] = j;
+                nears++;
+                light = vec3f(0.0);
+            }
+        }
+        sum += light;
+    }
+    for (var k = 0u; k < nears; k++) {
+        let row = 4u * near[k];
+        let shape = bitcast<vec4u>(virtual_lights[row + 3u]);
+        let place = virtual_lights[row];
+        let facing = virtual_lights[row + 1u];
+        let flux = virtual_lights[row + 2u].xyz;
+        let polygon = patch_of(at, place.xyz, facing.xyz, maps[shape.w >> 16u], shape.z, shape.w);
+        let disc = disc_irradiance(at, place, facing, flux, true, params.reach);
+        sum += select(disc, quad_irradiance(at, place, facing, flux, polygon), polygon.count > 0u);
+    }
+    irradiance[r.pixel] = vec4f(sum, 0.0);
+}

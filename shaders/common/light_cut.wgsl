@@ -1,0 +1,120 @@
+// A cut through the tree of virtual lights [NSW09 Sec. 3.5.1; WFA05]: the nodes that stand for all lights at one point,
+// each as coarse as its error allows. Without a stack: nodes are visited in Morton order, and the one after a node that
+// ends a group of four is the one after their parent. A plain list is a tree of one level.
+
+import package::common::basis::PI;
+import package::common::form_factor::{Lit, disc_irradiance};
+import package::common::virtual_light::tree_level_first;
+
+const BOUND_PAPER: u32 = 0u;
+const BOUND_CONTRIBUTION: u32 = 1u;
+const BOUND_ERROR: u32 = 2u;
+
+struct CutParams {
+    roots: u32,         // nodes of the coarsest level in use, of all maps
+    coarsest: u32,
+    finest: u32,
+    maps: u32,
+    bound: u32,
+    threshold: f32,
+    reach: f32,         // of a virtual light
+    rays: u32,          // of a receiver
+    seed: u32,
+    maps_size: u32,     // texels along an edge of a map
+    reference: u32,     // level that the irradiance is estimated at
+    width: u32,         // columns of the image, where receivers are pixels; 0: they are fragments
+}
+
+@group(0) @binding(10) var<uniform> params: CutParams;
+@group(0) @binding(11) var<storage, read> virtual_lights: array<vec4f>;
+@group(0) @binding(12) var<storage, read> ranges: array<vec4f>;
+
+struct Visit {
+    level: u32,
+    number: u32,    // in its level, of all maps
+    end: bool,
+}
+
+fn first_visit() -> Visit {
+    return Visit(params.coarsest, 0u, params.roots == 0u);
+}
+
+fn node_of(visit: Visit) -> u32 {
+    return tree_level_first(visit.level, params.maps) + visit.number;
+}
+
+fn below(visit: Visit) -> Visit {
+    return Visit(visit.level + 1u, 4u * visit.number, false);
+}
+
+fn after(visit: Visit) -> Visit {
+    let number = visit.number + 1u;
+    let up = min(firstTrailingBit(number) / 2u, visit.level - params.coarsest);
+    let level = visit.level - up;
+    let place = number >> (2u * up);
+    return Visit(level, place, (level == params.coarsest) & (place >= params.roots));
+}
+
+fn mean_of(v: vec3f) -> f32 {
+    return (v.x + v.y + v.z) / 3.0;
+}
+
+// As coarse as possible: what thresholds are relative to.
+fn reference_irradiance(at: Lit) -> f32 {
+    var sum = 0.0;
+    let first = tree_level_first(params.reference, params.maps);
+    let end = first + (params.maps << (2u * params.reference));
+    for (var node = first; node < end; node++) {
+        let row = 4u * node;
+        sum += mean_of(disc_irradiance(
+            at, virtual_lights[row], virtual_lights[row + 1u], virtual_lights[row + 2u].xyz, true, params.reach));
+    }
+    return sum;
+}
+
+// Least and largest irradiance that the points of a node may give, as points or discs, per unit of flux.
+fn irradiance_bounds(at: Lit, place: vec4f, facing: vec4f, spread: f32, thickness: f32) -> vec2f {
+    let d = place.xyz - at.position;
+    let far = length(d);
+    let radius = facing.w;
+    let nearest = max(far - radius, 0.0);
+    let turned = dot(at.normal_shade, facing.xyz);
+    // Its points fill a slab in a ball: how far they reach along the lit point's normal.
+    let along = min(radius, radius * sqrt(max(1.0 - turned * turned, 0.0)) + thickness * abs(turned));
+    let height = dot(at.normal_shade, d);
+    let behind = -dot(facing.xyz, d);
+    let outermost = far + radius;
+    let least_i = clamp((height - along) / outermost, 0.0, 1.0);
+    let most_i = select(clamp((height + along) / nearest, 0.0, 1.0), 1.0, height + along >= nearest);
+    let least_j = clamp((behind - thickness) / outermost - spread, 0.0, 1.0);
+    let most_j = min(select(clamp((behind + thickness) / nearest, 0.0, 1.0), 1.0, behind + thickness >= nearest) + spread, 1.0);
+    let least = least_i * least_j / max(PI * outermost * outermost + place.w, 1e-37);
+    let most = select(most_i * most_j, 0.0, height + along <= 0.0) / max(PI * nearest * nearest + place.w, 1e-37);
+    return vec2f(min(least, most), most);
+}
+
+// Whether a node is to be split. BOUND_PAPER [NSW09 Eq. 8]: |V_ij|^2 <= T_l |V_j|^2 with the node's largest distance from the
+// light; Deviation: T_l goes by the node's own solid angle, not by that of the finest, and by its own flux (its B is
+// flux / (pi d^2 / A' + 1), A' = omega |V_j|^2).
+fn splits(at: Lit, visit: Visit, scale: f32) -> bool {
+    let node = node_of(visit);
+    let row = 4u * node;
+    let place = virtual_lights[row];
+    let facing = virtual_lights[row + 1u];
+    let flux = virtual_lights[row + 2u];
+    let shape = virtual_lights[row + 3u];
+    let power = mean_of(flux.xyz);
+    var split = false;
+    if params.bound == BOUND_PAPER {
+        let d = place.xyz - at.position;
+        let depth = ranges[2u * node + 1u].w;
+        let projected = flux.w * depth * depth;
+        // flux A' / (pi d^2 + A') / A' > tau
+        split = power > params.threshold * (PI * dot(d, d) + projected);
+    } else {
+        let bounds = irradiance_bounds(at, place, facing, shape.x, shape.y);
+        let most = select(bounds.y - bounds.x, bounds.y, params.bound == BOUND_CONTRIBUTION);
+        split = power * most > params.threshold * scale;
+    }
+    return split & (power > 0.0) & (visit.level < params.finest);
+}
