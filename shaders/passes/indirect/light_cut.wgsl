@@ -1,5 +1,5 @@
 // Irradiance at each receiver from a cut of its own through the tree of virtual lights [NSW09 Sec. 3.5].
-// In: receivers, the tree, maps. Out: irradiance; in and out: how many nodes were evaluated.
+// In: receivers, the tree, maps. Out: irradiance, w: its mean over the channels with discs alone; in and out: how many nodes were evaluated.
 
 import package::common::form_factor::{
     DISC, Lit, POINT, QUAD, disc_irradiance, is_near, patch_of, quad_irradiance,
@@ -61,16 +61,20 @@ fn main(
             visit = after(visit);
         }
     }
+    var unshadowed = (sum.x + sum.y + sum.z) / 3.0;
     for (var k = 0u; k < nears; k++) {
         let row = 4u * near[k];
-        let shape = vec4u(bitcast<vec4u>(virtual_lights[row + 3u]));
+        let shape = bitcast<vec4u>(virtual_lights[row + 3u]);
         let place = virtual_lights[row];
         let facing = virtual_lights[row + 1u];
         let flux = virtual_lights[row + 2u].xyz;
         let polygon = patch_of(at, place.xyz, facing.xyz, maps[shape.w >> 16u], shape.z, shape.w);
         let disc = disc_irradiance(at, place, facing, flux, true, params.reach);
+        unshadowed += (disc.x + disc.y + disc.z) / 3.0;
         sum += select(disc, quad_irradiance(at, place, facing, flux, polygon), polygon.count > 0u);
     }
-    irradiance[r.pixel] = vec4f(sum, 0.0);
-    atomicAdd(&evaluations[0], count);
+    irradiance[r.pixel] = vec4f(sum, unshadowed);
+    // Two words, so that their sum may be larger than one.
+    atomicAdd(&evaluations[0], count & 255u);
+    atomicAdd(&evaluations[1], count >> 8u);
 }

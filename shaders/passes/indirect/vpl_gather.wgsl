@@ -1,5 +1,6 @@
 // Irradiance at each receiver from every virtual light of a list [NSW09 Sec. 3.2.2].
-// In: receivers, the list, maps. Out: irradiance.
+// In: receivers, the list, maps. Out: irradiance, w: its mean over the channels with
+// discs alone.
 
 import package::common::form_factor::{
     DISC, Lit, POINT, QUAD, disc_irradiance, is_near, patch_of, quad_irradiance,
@@ -56,6 +57,7 @@ fn main(
         }
         sum += light;
     }
+    var unshadowed = (sum.x + sum.y + sum.z) / 3.0;
     for (var k = 0u; k < nears; k++) {
         let row = 4u * near[k];
         let shape = bitcast<vec4u>(virtual_lights[row + 3u]);
@@ -64,7 +66,8 @@ fn main(
         let flux = virtual_lights[row + 2u].xyz;
         let polygon = patch_of(at, place.xyz, facing.xyz, maps[shape.w >> 16u], shape.z, shape.w);
         let disc = disc_irradiance(at, place, facing, flux, true, params.reach);
+        unshadowed += (disc.x + disc.y + disc.z) / 3.0;
         sum += select(disc, quad_irradiance(at, place, facing, flux, polygon), polygon.count > 0u);
     }
-    irradiance[r.pixel] = vec4f(sum, 0.0);
+    irradiance[r.pixel] = vec4f(sum, unshadowed);
 }

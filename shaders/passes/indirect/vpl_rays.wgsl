@@ -1,1 +1,95 @@
-// Not written yet.
+// Rays from each receiver towards virtual lights that are chosen by what they contribute without occlusion: K equal
+// parts of the receiver's irradiance, one ray from a place in each, so that bright lights are asked often and none is
+// asked for nothing. [NW09 Sec. 6 and NSW09 Sec. 5 leave indirect visibility open; Deviation: they have none]
+// In: receivers, the cut or list, irradiance (w: its mean over the channels), texels of the maps. Out: rays; for each
+// what it stands for, rgb.
+
+import package::common::form_factor::{Lit, POINT, disc_irradiance};
+import package::common::grid::{Grid, item_index};
+import package::common::light_cut::{
+    after, below, first_visit, mean_of, node_of, params, ranges, reference_irradiance, splits, virtual_lights,
+};
+import package::common::random::random4;
+import package::common::ray::{Ray, Receiver, inactive_ray};
+import package::common::receiver::INACTIVE;
+import package::common::rsm::RSM_ROWS;
+
+override FORM: u32 = 1u;
+// Whether there is a tree to descend.
+override TREE: bool = true;
+
+@group(0) @binding(30) var<uniform> grid: Grid;
+@group(0) @binding(1) var<storage, read> receivers: array<Receiver>;
+@group(0) @binding(2) var<storage, read> irradiance: array<vec4f>;
+@group(0) @binding(3) var<storage, read> rsm_texels: array<vec4f>;
+@group(0) @binding(4) var<storage, read_write> rays: array<Ray>;
+@group(0) @binding(5) var<storage, read_write> ray_weights: array<vec4f>;
+
+// A ray ends just short of its target, whose own rounding moves its surface (N5).
+const RAY_END: f32 = 0.9995;
+
+// A texel of the light's block that reflects something; the light's own place where the block has none at two tries.
+fn target_in(row: u32, random: vec4f) -> vec3f {
+    let shape = bitcast<vec4u>(virtual_lights[row + 3u]);
+    let first = vec2u(shape.z & 0xffffu, shape.z >> 16u);
+    let width = shape.w & 0xffffu;
+    let base = (shape.w >> 16u) * params.maps_size * params.maps_size;
+    var place = virtual_lights[row].xyz;
+    for (var k = 0u; k < 2u; k++) {
+        let chosen = select(random.zw, random.xy, k == 1u);
+        let texel = first + min(vec2u(chosen * f32(width)), vec2u(max(width, 1u) - 1u));
+        let at = RSM_ROWS * select(0u, base + texel.y * params.maps_size + texel.x, width != 0u);
+        let lights = (width != 0u) & any(rsm_texels[at + 2u].xyz > vec3f(0.0));
+        place = select(place, rsm_texels[at].xyz, lights);
+    }
+    return place;
+}
+
+@compute @workgroup_size(64)
+fn main(
+    @builtin(workgroup_id) group: vec3u,
+    @builtin(num_workgroups) groups: vec3u,
+    @builtin(local_invocation_index) lane: u32,
+) {
+    let i = item_index(grid, group, groups, 64u, lane);
+    if i >= grid.end {
+        return;
+    }
+    let first = i * params.rays;
+    for (var k = 0u; k < params.rays; k++) {
+        rays[first + k] = inactive_ray();
+        ray_weights[first + k] = vec4f(0.0);
+    }
+    let r = receivers[i];
+    if r.pixel == INACTIVE {
+        return;
+    }
+    let at = Lit(r.origin, r.normal_shade, r.normal_geo);
+    var scale = 0.0;
+    if TREE {
+        scale = reference_irradiance(at);
+    }
+    let step = irradiance[r.pixel].w / f32(params.rays);
+    var k = 0u;
+    var next = step * random4(vec4u(r.pixel, 0u, 7u, params.seed)).x;
+    var sum = 0.0;
+    var visit = first_visit();
+    while !visit.end && k < params.rays {
+        if TREE && splits(at, visit, scale) {
+            visit = below(visit);
+            continue;
+        }
+        let row = 4u * node_of(visit);
+        let light = disc_irradiance(
+            at, virtual_lights[row], virtual_lights[row + 1u], virtual_lights[row + 2u].xyz, FORM != POINT, params.reach);
+        sum += mean_of(light);
+        while k < params.rays && next < sum && step > 0.0 {
+            let place = target_in(row, random4(vec4u(r.pixel, k, 8u, params.seed)));
+            rays[first + k] = Ray(r.origin, 0.0, place - r.origin, RAY_END);
+            ray_weights[first + k] = vec4f(light / max(mean_of(light), 1e-37), 0.0);
+            k++;
+            next = step * (f32(k) + random4(vec4u(r.pixel, k, 7u, params.seed)).x);
+        }
+        visit = after(visit);
+    }
+}
