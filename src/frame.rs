@@ -72,6 +72,8 @@ pub struct FrameInfo {
     pub settings: Settings,
     /// Whether lobes had fragments of their own.
     pub lobes: bool,
+    /// Whether there is indirect light.
+    pub indirect: bool,
     /// Inner resources that were asked for.
     pub keep: Vec<String>,
 }

@@ -2,6 +2,7 @@
 
 mod asks;
 mod names;
+mod virtual_lights;
 
 use crate::scene::light::Radiance;
 use crate::scene::snapshot::Snapshot;
@@ -107,7 +108,7 @@ pub fn plan(facts: SceneFacts, settings: &Settings, valid: Valid) -> Plan {
     plan.add_specular(facts, settings, matt);
 
     let indirect = settings.is("indirect", "off").then_some("indirect is off").or(no_surface).or(no_light);
-    plan.add(&INDIRECT, indirect);
+    plan.add_indirect(settings, indirect);
     plan.add(&[COMPOSITE], None);
     plan.add(&[DOWNSAMPLE], (settings.int("supersample") == 1).then_some("supersample is 1"));
     plan
@@ -197,7 +198,7 @@ impl Plan {
         let no_area = (facts.area_lights == 0).then_some("no area light emits anything");
         let no_spot = (facts.spot_lights == 0).then_some("there is no spot light, and area lights have a better way");
         let ratio = settings.is("direct_estimator", "ratio");
-        let summed = !ratio && settings.is("refine", "none");
+        let summed = !ratio && !has_fragments(settings);
         let unshadowed = settings.is("visibility", "none").then_some("visibility is none");
         self.add(&[SPECULAR], matt.or(if summed { None } else { no_spot }));
         let samples = (!ratio).then_some("direct_estimator is samples");
@@ -268,6 +269,13 @@ mod tests {
             &LOBE_INTEGRAL,
             &LOBES,
             &INDIRECT,
+            &RSM,
+            &[RSM_TREE],
+            &VPLS,
+            &VPL_FRAGMENTS,
+            &TRANSPORT,
+            &VPL_VISIBLE,
+            &VPL_UPSAMPLE,
             &[COMPOSITE, DOWNSAMPLE],
         ]
         .concat();
@@ -276,6 +284,8 @@ mod tests {
                 for change in [
                     ("indirect", "off"),
                     ("indirect", "final-gather"),
+                    ("indirect", "clustered"),
+                    ("direct_refine", "none"),
                     ("direct", "off"),
                     ("visibility", "none"),
                     ("visibility", "voxel"),

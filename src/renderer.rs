@@ -13,6 +13,7 @@ use crate::passes::composite::composite::{self, Images};
 use crate::passes::composite::downsample;
 use crate::passes::gather::levels::Looked;
 use crate::passes::geometry::{gbuffer, primary_rays};
+use crate::passes::indirect::Evaluations;
 use crate::passes::scene_buffers::SceneBuffers;
 use crate::passes::visibility::Hit;
 use crate::passes::visibility::occlusion;
@@ -20,7 +21,7 @@ use crate::passes::visibility::placed::PlacedScene;
 use crate::passes::visibility::trace::{Form, Tracer};
 use crate::passes::{Context, GBuffer, View, gather, indirect, lobes};
 use crate::plan::{
-    COMPOSITE, DIRECT, DOWNSAMPLE, FRAGMENTS, GEOMETRY, INDIRECT, IRRADIANCE, Plan, SceneFacts, Valid, plan,
+    COMPOSITE, DIRECT, DOWNSAMPLE, FRAGMENTS, GEOMETRY, INDIRECT, IRRADIANCE, Plan, RSM, SceneFacts, Valid, plan,
 };
 use crate::scene::camera::Camera;
 use crate::scene::prepare::Prepared;
@@ -64,6 +65,8 @@ struct Kept {
     levels: Option<[Buffer<u32>; 2]>,
     /// The same of the lobes' fragments.
     specular_levels: Option<[Buffer<u32>; 2]>,
+    /// The same of the fragments of indirect light.
+    indirect_levels: Option<[Buffer<u32>; 2]>,
     /// Radiance that lobes reflect, internal pixels.
     specular: Option<Buffer<[f32; 4]>>,
     /// What incremental refinement looked at.
@@ -154,6 +157,7 @@ impl Renderer {
         camera.check()?;
         occlusion::check(snapshot, camera, settings, &self.gpu)?;
         lobes::check(settings)?;
+        indirect::check(snapshot, settings, &self.gpu)?;
         let factor = u64::from(settings.int("supersample"));
         let pixels = u64::from(camera.width) * u64::from(camera.height) * factor * factor;
         let largest = self.gpu.limits().max_storage_buffer_binding_size.min(self.gpu.limits().max_buffer_size) / 16;
@@ -198,7 +202,8 @@ impl Renderer {
         let valid = Valid { gbuffer: !repainted && seen == Some((view, state.placed.version())) };
         let plan = plan(SceneFacts::of(snapshot), settings, valid);
         let (kept, work) = state.passes(&mut recorder, &plan, &prepared, settings, view)?;
-        let counts: Vec<&Buffer<u32>> = work.active.iter().chain(state.tracer.counter()).collect();
+        let asked = work.evaluations.asked();
+        let counts: Vec<&Buffer<u32>> = work.active.iter().chain(asked).chain(state.tracer.counter()).collect();
         let (times, counted) = recorder.finish_and_fetch(&counts)?;
         state.seen = Some((view, state.placed.version()));
         let active = if work.active.is_some() { u64::from(counted[0][0]) } else { 0 };
@@ -209,7 +214,8 @@ impl Renderer {
         let specular_fragments = kept.specular_levels.is_some();
         state.kept = Some(kept);
         stats.rays = work.rays + device_rays;
-        stats.light_evaluations = (active + stats.extra_samples) * work.samples;
+        let evaluated = asked.and_then(|_| counted.get(usize::from(work.active.is_some()))).map(Vec::as_slice);
+        stats.light_evaluations = (active + stats.extra_samples) * work.samples + work.evaluations.total(evaluated);
         stats.rebuilt = rebuilt.into_iter().map(str::to_owned).collect();
         stats.device_bytes = self.gpu.allocated_bytes();
         if plan.runs(DIRECT[1]) && active == 0 {
@@ -225,6 +231,7 @@ impl Renderer {
             settings: settings.clone(),
             keep: keep.to_vec(),
             lobes: specular_fragments,
+            indirect: plan.runs(INDIRECT[0]) || plan.runs(RSM[0]),
         })
     }
 }
@@ -272,6 +279,8 @@ struct Work {
     rays: u64,
     active: Option<Buffer<u32>>,
     samples: u64,
+    /// Virtual lights that were evaluated.
+    evaluations: Evaluations,
     /// Passes that had nothing to do, and why.
     empty: Vec<(&'static str, &'static str)>,
 }
@@ -300,14 +309,15 @@ impl State {
             true => Some(context.scoped("direct", |context| gather::record(context, &gbuffer, plan.runs_specular()))?),
             false => None,
         };
-        let indirect = match plan.runs(INDIRECT[0]) {
+        let indirect = match plan.runs(INDIRECT[0]) || plan.runs(RSM[0]) {
             true => Some(context.scoped("indirect", |context| indirect::record(context, &gbuffer))?),
             false => None,
         };
         let images = context.scoped("composite", |context| {
             let specular = direct.as_ref().and_then(|d| d.specular.as_ref());
             let direct = direct.as_ref().map(|d| &d.irradiance);
-            let images = composite::record(context, &gbuffer, direct, indirect.as_ref(), specular)?;
+            let indirect = indirect.as_ref().map(|i| &i.irradiance);
+            let images = composite::record(context, &gbuffer, direct, indirect, specular)?;
             let factor = settings.int("supersample");
             if plan.runs(DOWNSAMPLE) { downsample::record(context, images, factor) } else { Ok(images) }
         })?;
@@ -317,12 +327,14 @@ impl State {
             samples: direct.as_ref().map_or(0, |d| d.samples),
             empty: direct.as_ref().map_or_else(Vec::new, |d| d.empty.clone()),
             active: direct.as_ref().map(|d| d.active.clone()),
+            evaluations: indirect.as_ref().map_or_else(Evaluations::default, |i| i.evaluations.clone()),
         };
+        let indirect_levels = indirect.as_ref().and_then(|i| i.levels.clone());
         let levels = direct.as_ref().and_then(|d| d.levels.clone());
         let looked = direct.as_ref().and_then(|d| d.looked.clone());
         let specular_levels = direct.as_ref().and_then(|d| d.specular_levels.clone());
         let specular = direct.as_ref().and_then(|d| d.specular.clone());
-        let irradiance = [direct.map(|d| d.irradiance), indirect];
+        let irradiance = [direct.map(|d| d.irradiance), indirect.map(|i| i.irradiance)];
         Ok((
             Kept {
                 view,
@@ -333,6 +345,7 @@ impl State {
                 irradiance,
                 levels,
                 specular_levels,
+                indirect_levels,
                 specular,
                 looked,
             },

@@ -196,8 +196,7 @@ class Frame:
         """The fragments of the indirect light; None where indirect light is off."""
         if self._settings.get("indirect", "off") == "off":
             return None
-        # a gather at every pixel has the partition of the direct light: every pixel by itself
-        return self._fragments_of("indirect_") if "indirect_level_map" in self.names else self.fragments
+        return self._fragments_of("indirect_")
 
     @property
     def specular_fragments(self) -> Fragments | None:
@@ -207,6 +206,8 @@ class Frame:
     def _fragments_of(self, prefix: str) -> Fragments:
         level_map, reason_map = (self._array(prefix + name) for name in MAPS)
         refined = self._settings.get("refine", "none") != "none"
+        if prefix != "indirect_":
+            refined = refined and self._settings.get("direct_refine", "same") == "same"
         coarsest = int(self._settings.get("coarsest_level") or 0) if refined else 0
         extra = int(self._stats.get(prefix + "extra_samples", 0))
         return Fragments(level_map, reason_map, extra, coarsest)

@@ -72,7 +72,8 @@ fn reference_irradiance(at: Lit) -> f32 {
     return sum;
 }
 
-// Least and largest irradiance that the points of a node may give, as points or discs, per unit of flux.
+// Least and largest irradiance that the points of a node may give, as points or discs that together have its area, a unit
+// of flux.
 fn irradiance_bounds(at: Lit, place: vec4f, facing: vec4f, spread: f32, thickness: f32) -> vec2f {
     let d = place.xyz - at.position;
     let far = length(d);
@@ -89,7 +90,7 @@ fn irradiance_bounds(at: Lit, place: vec4f, facing: vec4f, spread: f32, thicknes
     let least_j = clamp((behind - thickness) / outermost - spread, 0.0, 1.0);
     let most_j = min(select(clamp((behind + thickness) / nearest, 0.0, 1.0), 1.0, behind + thickness >= nearest) + spread, 1.0);
     let least = least_i * least_j / max(PI * outermost * outermost + place.w, 1e-37);
-    let most = select(most_i * most_j, 0.0, height + along <= 0.0) / max(PI * nearest * nearest + place.w, 1e-37);
+    let most = select(most_i * most_j, 0.0, height + along <= 0.0) / max(PI * nearest * nearest, 1e-37);
     return vec2f(min(least, most), most);
 }
 

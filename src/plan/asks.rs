@@ -5,7 +5,7 @@ use crate::settings::Settings;
 /// Whether shadows decide what is worth a ray.
 pub fn is_adaptive(settings: &Settings) -> bool {
     let coarse = settings.int("coarsest_level") > 0;
-    coarse && !settings.is("refine", "none") && settings.is("direct_estimator", "ratio")
+    coarse && refines_direct(settings) && settings.is("direct_estimator", "ratio")
 }
 
 /// Whether fragments are chosen level by level.
@@ -43,5 +43,15 @@ pub fn splits_by_geometry(settings: &Settings) -> bool {
 
 /// Whether one point of each fragment is shaded.
 pub fn has_fragments(settings: &Settings) -> bool {
-    !settings.is("refine", "none") && !settings.is("direct_estimator", "ratio")
+    refines_direct(settings) && !settings.is("direct_estimator", "ratio")
+}
+
+/// Whether direct light is refined at all.
+pub fn refines_direct(settings: &Settings) -> bool {
+    !settings.is("refine", "none") && settings.is("direct_refine", "same")
+}
+
+/// Whether indirect light comes from virtual lights.
+pub fn indirect_from_virtual_lights(settings: &Settings) -> bool {
+    ["splat", "gather", "clustered", "hierarchical"].iter().any(|indirect| settings.is("indirect", indirect))
 }

@@ -54,9 +54,37 @@ pub const LOBE_INTEGRAL: [&str; 3] = ["direct/lobe_integral", "direct/lobe_rays"
 /// On fragments of their own, by samples in the lobe.
 pub const LOBES: [&str; 5] =
     ["direct/lobe_levels", "direct/lobe_points", "direct/lobe_ask", "direct/lobe_visible", "direct/lobe_gather"];
-/// Passes of indirect light.
+/// Passes of indirect light by a final gather.
 pub const INDIRECT: [&str; 5] =
     ["indirect/gather_rays", "indirect/trace", "indirect/gather_hits", "indirect/shadow", "indirect/gather_sum"];
+/// Passes that find where lights shine, and what is reflected there.
+pub const RSM: [&str; 2] = ["indirect/rsm_rays", "indirect/rsm_trace"];
+/// Virtual lights of all sizes.
+pub const RSM_TREE: &str = "indirect/rsm_tree";
+/// Passes that choose virtual lights for all fragments.
+pub const VPLS: [&str; 3] = ["indirect/vpl_grid", "indirect/vpl_importance", "indirect/vpl_clusters"];
+/// Passes that choose the fragments that virtual lights shine on; the last where every pixel is one.
+pub const VPL_FRAGMENTS: [&str; 6] = [
+    "indirect/pyramid",
+    "indirect/one_pass",
+    "indirect/iterative",
+    "indirect/fragment_list",
+    "indirect/fragment_receivers",
+    "indirect/receivers",
+];
+/// Passes that take the light of virtual lights to them.
+pub const TRANSPORT: [&str; 3] = ["indirect/vpl_gather", "indirect/vpl_splat", "indirect/light_cut"];
+/// Passes that find how much of it arrives.
+pub const VPL_VISIBLE: [&str; 3] = ["indirect/vpl_rays", "indirect/vpl_shadow", "indirect/vpl_visible"];
+/// Passes that take it to the pixels.
+pub const VPL_UPSAMPLE: [&str; 6] = [
+    "indirect/nearest",
+    "indirect/bilinear",
+    "indirect/edge_aware",
+    "indirect/rbf_samples",
+    "indirect/rbf",
+    "indirect/rbf_paper",
+];
 /// From irradiance to radiance.
 pub const COMPOSITE: &str = "composite/composite";
 /// From internal pixels to the image's.

@@ -41,14 +41,17 @@ pub(super) const NAMES: [&str; 18] = [
 
 /// What there is besides where lobes have fragments of their own.
 const LOBE_NAMES: [&str; 2] = ["specular_level_map", "specular_reason_map"];
+/// The same where there is indirect light.
+const INDIRECT_NAMES: [&str; 2] = ["indirect_level_map", "indirect_reason_map"];
+
+fn is_known(name: &str) -> bool {
+    [&NAMES[..], &LOBE_NAMES, &INDIRECT_NAMES].iter().any(|names| names.contains(&name)) || is_level_name(name)
+}
 
 /// # Errors
 /// `Settings` for a name that no frame has.
 pub(super) fn check_names(names: &[String]) -> Result<()> {
-    match names
-        .iter()
-        .find(|name| !NAMES.contains(&name.as_str()) && !LOBE_NAMES.contains(&name.as_str()) && !is_level_name(name))
-    {
+    match names.iter().find(|name| !is_known(name)) {
         None => Ok(()),
         Some(unknown) => Err(Error::Settings(format!(
             "there is no resource {unknown:?} to keep; there are: {}, and with refine=\"incremental\" bits, \
@@ -69,8 +72,9 @@ impl Renderer {
     /// What can be read from a frame.
     pub fn names(&self, frame: &FrameInfo) -> Vec<String> {
         let lobes = LOBE_NAMES.iter().filter(|_| frame.lobes).map(|name| (*name).to_owned());
+        let indirect = INDIRECT_NAMES.iter().filter(|_| frame.indirect).map(|name| (*name).to_owned());
         let asked = frame.keep.iter().filter(|name| !NAMES.contains(&name.as_str()));
-        NAMES.iter().map(|name| (*name).to_owned()).chain(lobes).chain(asked.cloned()).collect()
+        NAMES.iter().map(|name| (*name).to_owned()).chain(lobes).chain(indirect).chain(asked.cloned()).collect()
     }
 
     /// A resource of a frame.
@@ -108,7 +112,10 @@ impl Kept {
                 };
                 Ok(Image { width, height, pixels: Pixels::Rgb(pixels) })
             }
-            "level_map" | "reason_map" => self.fragments(gpu, name == "level_map"),
+            "level_map" | "reason_map" => self.fragments(gpu, self.levels.as_ref(), name == "level_map"),
+            "indirect_level_map" | "indirect_reason_map" => {
+                self.fragments(gpu, self.indirect_levels.as_ref(), name == "indirect_level_map")
+            }
             "specular_level_map" | "specular_reason_map" => match &self.specular_levels {
                 Some(maps) => self.bytes(gpu, &maps[usize::from(name == "specular_reason_map")]),
                 None => Err(Error::Settings(format!("{name:?}: no fragments of lobes in this frame"))),
@@ -126,9 +133,9 @@ impl Kept {
         }
     }
 
-    /// Fragment maps are at the internal size: one fragment of level 0 for each pixel that sees a surface.
-    fn fragments(&self, gpu: &Gpu, level: bool) -> Result<Image> {
-        if let Some(maps) = &self.levels {
+    /// Fragment maps are at the internal size; without any, one fragment of level 0 for each pixel that sees a surface.
+    fn fragments(&self, gpu: &Gpu, maps: Option<&[Buffer<u32>; 2]>, level: bool) -> Result<Image> {
+        if let Some(maps) = maps {
             return self.bytes(gpu, &maps[usize::from(!level)]);
         }
         let byte = |&kind: &u32| match (kind, level) {

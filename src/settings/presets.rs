@@ -7,9 +7,44 @@ pub type Changes = &'static [(&'static str, Default)];
 
 /// The presets of the API: what they change, or `None` while their passes do not exist yet.
 pub const PRESETS: &[(&str, Option<Changes>)] = &[
-    ("splatting-2009", None),
-    ("radiosity-2009", None),
-    ("hierarchical-2009", None),
+    (
+        "splatting-2009",
+        Some(&[
+            ("direct_refine", Default::Text("none")),
+            ("indirect", Default::Text("splat")),
+            ("indirect_visibility", Default::Text("off")),
+            ("refine", Default::Text("iterative")),
+            ("coarsest_level", Default::Int(6)),
+            ("normal_metric", Default::Text("component")),
+            ("upsample", Default::Text("edge-aware")),
+        ]),
+    ),
+    (
+        "radiosity-2009",
+        Some(&[
+            ("direct_refine", Default::Text("none")),
+            ("indirect", Default::Text("clustered")),
+            ("indirect_visibility", Default::Text("off")),
+            ("refine", Default::Text("one-pass")),
+            ("normal_metric", Default::Text("component")),
+            ("upsample", Default::Text("edge-aware")),
+            ("form_factor", Default::Text("disc")),
+            ("vpls", Default::Int(4096)),
+        ]),
+    ),
+    (
+        "hierarchical-2009",
+        Some(&[
+            ("direct_refine", Default::Text("none")),
+            ("indirect", Default::Text("hierarchical")),
+            ("indirect_visibility", Default::Text("off")),
+            ("refine", Default::Text("one-pass")),
+            ("normal_metric", Default::Text("component")),
+            ("upsample", Default::Text("edge-aware")),
+            ("form_factor", Default::Text("disc")),
+            ("vpls", Default::Int(65_536)),
+        ]),
+    ),
     (
         "area-2010",
         Some(&[

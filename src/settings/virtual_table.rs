@@ -91,18 +91,19 @@ pub(super) const VIRTUAL: &[Spec] = &[
         ..threshold(
             "light_cut_threshold",
             0.01,
-            "Contribution that a cluster may have to a fragment without being split: over an estimate of the fragment's \
-             irradiance with `light_cut_bound` cluster, W/m2 with paper. 0 goes to the finest; `indirect` hierarchical only.",
+            "What `light_cut_bound` bounds of a cluster above which it is split for a fragment: over an estimate of the \
+             fragment's irradiance, with paper in W/m2. 0 goes to the finest; `indirect` hierarchical only.",
             "[NSW09 Eq. 7]",
         )
     },
     choice(
         "light_cut_bound",
-        &["cluster", "paper"],
-        &["cluster", "paper"],
-        "cluster",
-        "How a cluster's contribution is bounded: by its ball and normals, or as the paper's text by the distance to one of \
-         its points, which is no bound; `indirect` hierarchical only.",
+        &["paper", "contribution", "error"],
+        &["paper", "contribution", "error"],
+        "error",
+        "What decides whether a cluster is split: its contribution as the paper's text has it, from the distance to one of \
+         its points, which is no bound; a bound of its contribution from its ball and normals; or the difference between \
+         that and the least that it may contribute. `indirect` hierarchical only.",
         "[NSW09 Eq. 8; WFA05]",
     ),
     Spec {

@@ -1,6 +1,7 @@
 // Radiance towards the eye. In: G-buffer, irradiance, specular radiance. Out: three images.
 //   main      emitted + albedo/pi (E_direct + E_indirect)
 //   specular  adds what lobes reflect of the lights
+//   modulate  darkens indirect light by a max(v . n, 0) + 1 - a [NW09 Sec. 4.2]: a look that has no physics
 
 import package::common::basis::PI;
 import package::common::gbuffer::{FIRST_LIGHT, NOTHING, SURFACE, floats};
@@ -14,11 +15,18 @@ struct CompositeParams {
     pad1: u32,
 }
 
+struct ModulateParams {
+    eye: vec3f,
+    modulation: f32,
+}
+
 // Whether some light has a picture: if not, nothing of one is loaded.
 override PICTURES: bool = true;
 
 @group(0) @binding(30) var<uniform> grid: Grid;
 @group(0) @binding(0) var<uniform> params: CompositeParams;
+@group(0) @binding(9) var<uniform> look: ModulateParams;
+@group(0) @binding(10) var<storage, read> g_position: array<vec4u>;
 @group(0) @binding(1) var<storage, read> g_normal: array<vec4u>;
 @group(0) @binding(2) var<storage, read> g_albedo: array<vec4u>;
 @group(0) @binding(3) var<storage, read> direct_irradiance: array<vec4f>;
@@ -81,5 +89,21 @@ fn specular(
         let reflected = vec4f(specular_radiance[i].xyz, 0.0);
         image[i] += reflected;
         direct[i] += reflected;
+    }
+}
+
+@compute @workgroup_size(64)
+fn modulate(
+    @builtin(workgroup_id) group: vec3u,
+    @builtin(num_workgroups) groups: vec3u,
+    @builtin(local_invocation_index) lane: u32,
+) {
+    let i = item_index(grid, group, groups, 64u, lane);
+    if i < grid.end && g_normal[i].w == SURFACE {
+        let towards = normalize(look.eye - floats(g_position[i]));
+        let kept = 1.0 - look.modulation * (1.0 - max(dot(towards, floats(g_normal[i])), 0.0));
+        let lost = vec4f((1.0 - kept) * indirect[i].xyz, 0.0);
+        indirect[i] -= lost;
+        image[i] -= lost;
     }
 }

@@ -24,7 +24,7 @@ struct OnePassParams {
     depth_metric: u32,      // 0 none, 1 range, 2 derivative, 3 plane
     normal_metric: u32,     // 0 none, 1 component, 2 cone, 3 curvature
     lights: u32,
-    pad0: u32,
+    all_lit: u32,           // 1: no light culls anything
     pad1: u32,
     pad2: u32,
 }
@@ -94,7 +94,8 @@ fn cull(
     for (var p = 0u; p < 4u; p++) {
         if inside[p] && g_normal[at[p]].w == SURFACE {
             // The best of what each light may do: LIT, FACES_AWAY, LIES_BEHIND from the lowest bit on.
-            let best = (found[p] | LIES_BEHIND) & (~(found[p] | LIES_BEHIND) + 1u);
+            let all_of = found[p] | LIES_BEHIND | params.all_lit;
+            let best = all_of & (~all_of + 1u);
             any_of |= best;
             atomicOr(&marks[at[p]], best);
         }

@@ -73,5 +73,28 @@ pub fn record(
         let pass = context.recorder.pass("composite", &kernel).bind("specular_radiance", specular);
         pass.bind("image", &images.image).bind("direct", &images.direct).dispatch(pixels)?;
     }
+    modulate(context, gbuffer, &images)?;
     Ok(images)
+}
+
+/// Twin of `ModulateParams` in `shaders/passes/composite/composite.wgsl`.
+#[repr(C)]
+#[derive(Debug, Clone, Copy, Pod, Zeroable)]
+pub struct ModulateParams {
+    /// Scene space.
+    pub eye: [f32; 3],
+    /// How much indirect light darkens where a surface turns away from the eye, 0 to 1.
+    pub modulation: f32,
+}
+
+fn modulate(context: &mut Context<'_, '_>, gbuffer: &GBuffer, images: &Images) -> Result<()> {
+    let modulation = context.settings.float("surface_modulation").unwrap_or(0.0) as f32;
+    let Some(indirect) = images.indirect.as_ref().filter(|_| modulation > 0.0) else {
+        return Ok(());
+    };
+    let params = ModulateParams { eye: context.view.eye, modulation };
+    let kernel = context.kernel("composite/composite", "modulate")?;
+    let pass = context.recorder.pass("composite", &kernel).uniform("look", &params);
+    let pass = pass.bind("g_position", &gbuffer.position).bind("g_normal", &gbuffer.normal);
+    pass.bind("image", &images.image).bind("indirect", indirect).dispatch(context.view.pixels())
 }

@@ -1,9 +1,15 @@
-//! Indirect light by a final gather: stratified hemisphere rays from every pixel, whose hits are lit by the lights and
-//! may go on as paths. Worked on in waves of whole tiles and ranges of strata.
+//! Indirect light: from virtual lights, or by a final gather, stratified hemisphere rays from every pixel, whose hits are
+//! lit by the lights and may go on as paths, worked on in waves of whole tiles and ranges of strata.
 
 pub mod gather_hits;
 pub mod gather_rays;
 pub mod gather_sum;
+pub mod light_cut;
+pub mod virtual_lights;
+pub mod vpl_gather;
+pub mod vpl_rays;
+pub mod vpl_splat;
+pub mod vpl_visible;
 
 use bytemuck::{Pod, Zeroable};
 
@@ -11,7 +17,10 @@ use crate::error::Result;
 use crate::gpu::Buffer;
 use crate::passes::visibility::{Hit, Ray};
 use crate::passes::{Context, GBuffer, TILE_PIXELS};
+use crate::plan;
 use crate::scene::prepare::strata_grid;
+use crate::settings::Settings;
+pub use virtual_lights::{Evaluations, Lights, check};
 
 /// Rays of a wave: what the native trace answers in about 0.1 s; a GPU takes more at once.
 const WAVE_NATIVE: u32 = 1 << 18;
@@ -68,6 +77,22 @@ impl GatherWave {
     }
 }
 
+/// Indirect light of a frame.
+pub struct Indirect {
+    /// Irradiance a pixel, W·m⁻².
+    pub irradiance: Buffer<[f32; 4]>,
+    /// Level and reason of each pixel's fragment, where there are larger ones than pixels.
+    pub levels: Option<[Buffer<u32>; 2]>,
+    /// Virtual lights evaluated.
+    pub evaluations: Evaluations,
+}
+
+/// Number of the form factor in `shaders/common/form_factor.wgsl`.
+pub fn form(settings: &Settings) -> f64 {
+    let forms = ["point", "disc", "quad"];
+    forms.iter().position(|form| settings.is("form_factor", form)).map_or(0.0, |number| number as f64)
+}
+
 /// The lists of a wave.
 struct Lists {
     rays: Buffer<Ray>,
@@ -89,11 +114,20 @@ impl Lists {
     }
 }
 
-/// Indirect irradiance of every pixel.
+/// Indirect light as the settings say.
 ///
 /// # Errors
-/// Those of the device; `Cancelled`.
-pub fn record(context: &mut Context<'_, '_>, gbuffer: &GBuffer) -> Result<Buffer<[f32; 4]>> {
+/// Those of the device; `Settings`; `Cancelled`.
+pub fn record(context: &mut Context<'_, '_>, gbuffer: &GBuffer) -> Result<Indirect> {
+    if plan::indirect_from_virtual_lights(context.settings) {
+        return virtual_lights::record(context, gbuffer);
+    }
+    let irradiance = final_gather(context, gbuffer)?;
+    Ok(Indirect { irradiance, levels: None, evaluations: Evaluations::default() })
+}
+
+/// Indirect irradiance of every pixel by rays.
+fn final_gather(context: &mut Context<'_, '_>, gbuffer: &GBuffer) -> Result<Buffer<[f32; 4]>> {
     let irradiance = context.resources.buffer("indirect_irradiance", context.view.pixels())?;
     context.recorder.clear(&irradiance)?;
     let rays = context.settings.int("gather_rays");

@@ -264,3 +264,23 @@ fn spot(context: &mut Context<'_, '_>, light: usize, classes: u32) -> Result<Lig
         boosts: AS_MOST,
     })
 }
+
+/// Mean radiance times area of each part of an area light in a grid of its own, row by row; of a spot its intensity.
+///
+/// # Errors
+/// Those of the device.
+pub fn radiance_of(
+    context: &mut Context<'_, '_>,
+    light: usize,
+    grid: [u32; 2],
+    name: &str,
+) -> Result<Buffer<[f32; 4]>> {
+    let parts = (grid[0] * grid[1]) as usize;
+    let to = context.resources.buffer(&format!("{name}/{light}"), parts)?;
+    if light >= context.prepared.area_lights {
+        to.write(context.recorder.gpu(), 0, &vec![xyz(rows(context, light)[4]).extend(0.0).to_array(); parts])?;
+    } else {
+        radiance(context, &parameters(context, light, grid, 1), &to)?;
+    }
+    Ok(to)
+}

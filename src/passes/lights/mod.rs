@@ -1,4 +1,9 @@
-//! Where lights are sampled.
+//! Where lights are sampled, and what they shine on.
 
 pub mod light_samples;
+pub mod rsm_rays;
+pub mod rsm_tree;
 pub mod virtual_light;
+pub mod vpl_clusters;
+pub mod vpl_grid;
+pub mod vpl_importance;

@@ -14,6 +14,7 @@ use crate::passes::specular::LobeLight;
 use crate::passes::visibility::occlusion::Occlusion;
 use crate::passes::visibility::{Hit, Ray, Receiver};
 use crate::passes::{Context, GBuffer, upsample};
+use crate::plan;
 use crate::scene::prepare::{LIGHT_ROWS, RADIANCE_ROW};
 use crate::settings::Settings;
 
@@ -27,7 +28,7 @@ const CHUNK: usize = 1 << 14;
 /// # Errors
 /// `Settings`.
 pub fn check(settings: &Settings) -> Result<()> {
-    let without = settings.is("refine", "none") || settings.is("direct_estimator", "ratio");
+    let without = !plan::refines_direct(settings) || settings.is("direct_estimator", "ratio");
     if settings.is("specular_visibility", "variance") && without {
         return Err(Error::Settings(
             "setting specular_visibility is \"variance\" with refine=\"none\" or direct_estimator=\"ratio\"; allowed: \

@@ -27,8 +27,8 @@ pub struct OnePassParams {
     pub normal_metric: u32,
     /// Lights in the table.
     pub lights: u32,
-    /// Unused.
-    pub pad0: u32,
+    /// 1: no light culls anything.
+    pub all_lit: u32,
     /// Unused.
     pub pad1: u32,
     /// Unused.
@@ -104,8 +104,15 @@ pub fn levels(context: &Context<'_, '_>) -> Result<Pyramid> {
 /// # Errors
 /// Those of the device; `Settings` as [`levels`].
 pub fn states(context: &mut Context<'_, '_>, gbuffer: &GBuffer) -> Result<(Texels, Buffer<u32>)> {
+    states_with(context, gbuffer, OnePassParams::new(context.settings, context.prepared.lights))
+}
+
+fn states_with(
+    context: &mut Context<'_, '_>,
+    gbuffer: &GBuffer,
+    params: OnePassParams,
+) -> Result<(Texels, Buffer<u32>)> {
     let pyramid = levels(context)?;
-    let params = OnePassParams::new(context.settings, context.prepared.lights);
     let texels = pyramid::record(context, gbuffer, pyramid, params.needs_spreads())?;
     let state: Buffer<u32> = context.resources.buffer("texel_state", pyramid.texels())?;
     context.recorder.clear(&state)?;
@@ -126,6 +133,17 @@ pub fn states(context: &mut Context<'_, '_>, gbuffer: &GBuffer) -> Result<(Texel
 pub fn record(context: &mut Context<'_, '_>, gbuffer: &GBuffer) -> Result<Listed> {
     let (texels, state) = states(context, gbuffer)?;
     choose(context, gbuffer, texels, &state, "")
+}
+
+/// The same where light comes from everywhere: every pixel that sees a surface is lit. Names of the buffers begin with
+/// `prefix`.
+///
+/// # Errors
+/// Those of the device; `Settings` as [`levels`].
+pub fn record_all_lit(context: &mut Context<'_, '_>, gbuffer: &GBuffer, prefix: &str) -> Result<Listed> {
+    let params = OnePassParams { all_lit: 1, ..OnePassParams::new(context.settings, 0) };
+    let (texels, state) = states_with(context, gbuffer, params)?;
+    choose(context, gbuffer, texels, &state, prefix)
 }
 
 fn cull(

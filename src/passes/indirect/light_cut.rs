@@ -1,0 +1,123 @@
+//! Irradiance from a cut through the tree of virtual lights, one for each receiver.
+
+use bytemuck::{Pod, Zeroable};
+
+use super::form;
+use crate::error::Result;
+use crate::gpu::Buffer;
+use crate::passes::Context;
+use crate::passes::lights::virtual_light::{Rsm, Tree, VirtualLights};
+use crate::passes::visibility::Receiver;
+use crate::settings::Settings;
+
+/// What a receiver's cut costs at first guess, nanoseconds.
+const CUT_NS: f64 = 20_000.0;
+/// Level that irradiance is estimated at, where the coarsest in use is not coarser.
+const REFERENCE: u32 = 3;
+
+/// Twin of `CutParams` in `shaders/common/light_cut.wgsl`.
+#[repr(C)]
+#[derive(Debug, Clone, Copy, PartialEq, Pod, Zeroable)]
+pub struct CutParams {
+    /// Nodes of the coarsest level in use.
+    pub roots: u32,
+    /// Coarsest level in use.
+    pub coarsest: u32,
+    /// Finest level in use.
+    pub finest: u32,
+    /// Maps of the tree.
+    pub maps: u32,
+    /// 0 paper, 1 contribution, 2 error.
+    pub bound: u32,
+    /// What a node may contribute, or its error be.
+    pub threshold: f32,
+    /// Of a virtual light.
+    pub reach: f32,
+    /// Of a receiver.
+    pub rays: u32,
+    /// The user's seed.
+    pub seed: u32,
+    /// Texels along an edge of a map.
+    pub maps_size: u32,
+    /// Level that irradiance is estimated at.
+    pub reference: u32,
+    /// Unused.
+    pub pad: u32,
+}
+
+/// Level whose nodes are `lights` a map or more; at most `finest`.
+pub fn level_of(lights: u32, finest: u32) -> u32 {
+    (0..finest).find(|level| 1_u64 << (2 * level) >= u64::from(lights)).unwrap_or(finest)
+}
+
+/// How far a virtual light reaches.
+pub fn reach(settings: &Settings) -> f32 {
+    settings.float("vpl_radius").map_or(3.0e38, |radius| radius as f32)
+}
+
+impl CutParams {
+    /// Of a tree, as the settings say. Clusters never cross the tiles of an area light's map.
+    pub fn of_tree(settings: &Settings, rsm: &Rsm) -> Self {
+        let tiles = rsm.maps.iter().map(|map| map.tiles).max().unwrap_or(1).next_power_of_two().trailing_zeros();
+        let finest = level_of(settings.int("vpls"), rsm.finest()).max(tiles);
+        let coarsest = level_of(settings.int("coarsest_vpls"), finest).max(tiles);
+        let maps = rsm.maps.len() as u32;
+        let bound = ["paper", "contribution", "error"].iter().position(|b| settings.is("light_cut_bound", b));
+        Self {
+            roots: maps << (2 * coarsest),
+            coarsest,
+            finest,
+            maps,
+            bound: bound.unwrap_or(0) as u32,
+            threshold: settings.float("light_cut_threshold").unwrap_or(0.0) as f32,
+            reference: coarsest.min(REFERENCE),
+            ..Self::of_any(settings, rsm)
+        }
+    }
+
+    /// Of a list: a tree of one level.
+    pub fn of_list(settings: &Settings, rsm: &Rsm, lights: &VirtualLights) -> Self {
+        Self { roots: lights.count as u32, maps: 1, ..Self::of_any(settings, rsm) }
+    }
+
+    fn of_any(settings: &Settings, rsm: &Rsm) -> Self {
+        Self {
+            reach: reach(settings),
+            rays: settings.int("indirect_rays"),
+            seed: settings.int("seed"),
+            maps_size: rsm.resolution,
+            ..Self::zeroed()
+        }
+    }
+}
+
+/// Irradiance of `count` receivers at the places that their `pixel` says; nodes that were evaluated are added to
+/// `evaluations`: the lowest byte of each receiver's number to the first word, the rest of it to the second.
+///
+/// # Errors
+/// Those of the device; `Cancelled`.
+pub fn record(
+    context: &mut Context<'_, '_>,
+    (receivers, count): (&Buffer<Receiver>, usize),
+    rsm: &Rsm,
+    tree: &Tree,
+    irradiance: &Buffer<[f32; 4]>,
+    evaluations: &Buffer<u32>,
+) -> Result<()> {
+    let params = CutParams::of_tree(context.settings, rsm);
+    let kernel = context.kernel_with("indirect/light_cut", "main", &[("FORM", form(context.settings))])?;
+    let pass = context.recorder.pass("light_cut", &kernel).uniform("params", &params);
+    let pass = pass.bind("receivers", receivers).bind("maps", &rsm.table);
+    let pass = pass.bind("virtual_lights", &tree.nodes).bind("ranges", &tree.ranges);
+    pass.bind("irradiance", irradiance).bind("evaluations", evaluations).dispatch_cut(count, CUT_NS)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn levels_hold_at_least_what_is_asked() {
+        assert_eq!([1, 2, 4, 5, 256, 257, 1 << 20].map(|lights| level_of(lights, 8)), [0, 1, 1, 2, 4, 5, 8]);
+    }
+}

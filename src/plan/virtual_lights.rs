@@ -1,0 +1,63 @@
+//! The part of the plan that is indirect light.
+
+use super::names::{INDIRECT, RSM, RSM_TREE, TRANSPORT, VPL_FRAGMENTS, VPL_UPSAMPLE, VPL_VISIBLE, VPLS};
+use super::{Plan, indirect_from_virtual_lights};
+use crate::settings::Settings;
+
+impl Plan {
+    /// What the settings leave of it; `skip`: why nothing.
+    pub(super) fn add_indirect(&mut self, settings: &Settings, skip: Option<&'static str>) {
+        let gathers = settings.is("indirect", "final-gather");
+        let by_rays = gathers.then_some("indirect light is gathered by rays: indirect is final-gather");
+        let by_lights =
+            indirect_from_virtual_lights(settings).then_some("indirect light comes from virtual lights");
+        self.add(&INDIRECT, skip.or(by_lights));
+        self.add_virtual_lights(settings, skip.or(by_rays));
+        self.add_virtual_fragments(settings, skip.or(by_rays));
+    }
+
+    fn add_virtual_lights(&mut self, settings: &Settings, skip: Option<&'static str>) {
+        let is = |indirect: &str| settings.is("indirect", indirect);
+        let importance = settings.is("vpl_pattern", "importance");
+        let flat = !is("clustered") && !is("hierarchical");
+        self.add(&RSM, skip);
+        let plain = (flat && !importance).then_some("virtual lights are neither clustered nor chosen by importance");
+        self.add(&[RSM_TREE], skip.or(plain));
+        let cut = is("hierarchical").then_some("each fragment has a cut through the tree of its own");
+        let clustered = is("clustered").then_some("virtual lights are clustered");
+        let other = |wanted: bool| (importance != wanted).then_some("vpl_pattern is another");
+        self.add(&VPLS[..1], skip.or(cut).or(clustered).or(other(false)));
+        self.add(&VPLS[1..2], skip.or(cut).or(clustered).or(other(true)));
+        self.add(&VPLS[2..], skip.or((!is("clustered")).then_some("indirect is not clustered")));
+    }
+
+    fn add_virtual_fragments(&mut self, settings: &Settings, skip: Option<&'static str>) {
+        let pixels = settings.is("refine", "none").then_some("every pixel is shaded: refine is none");
+        let flat = (settings.int("coarsest_level") == 0).then_some("coarsest_level is 0");
+        let iterative = settings.is("refine", "iterative");
+        let at_once = (!iterative).then_some("refine is not iterative");
+        self.add(&VPL_FRAGMENTS[..1], skip.or(pixels).or(flat));
+        self.add(&VPL_FRAGMENTS[1..2], skip.or(pixels));
+        self.add(&VPL_FRAGMENTS[2..3], skip.or(pixels).or(flat).or(at_once));
+        self.add(&VPL_FRAGMENTS[3..5], skip.or(pixels));
+        self.add(&VPL_FRAGMENTS[5..], skip.or((!settings.is("refine", "none")).then_some("fragments are shaded")));
+        let ways = [["gather", "clustered"], ["splat", "splat"], ["hierarchical", "hierarchical"]];
+        for (pass, names) in TRANSPORT.into_iter().zip(ways) {
+            let other = (!names.iter().any(|name| settings.is("indirect", name))).then_some("indirect is another");
+            self.add(&[pass], skip.or(other));
+        }
+        let unasked = settings.is("indirect_visibility", "off").then_some("indirect_visibility is off");
+        self.add(&VPL_VISIBLE, skip.or(unasked));
+        for (pass, upsample) in VPL_UPSAMPLE.into_iter().zip(["nearest", "bilinear", "edge-aware", "rbf", "rbf", "rbf"]) {
+            let other = (!settings.is("upsample", upsample)).then_some("upsample is another");
+            let paper = settings.is("rbf_form", "paper");
+            let form = match pass {
+                "indirect/rbf" => paper.then_some("rbf_form is paper"),
+                "indirect/rbf_paper" => (!paper).then_some("rbf_form is interpolating"),
+                "indirect/rbf_samples" => (settings.int("coarsest_level") < 3).then_some("coarsest_level is below 3"),
+                _ => None,
+            };
+            self.add(&[pass], skip.or(pixels).or(other).or(form));
+        }
+    }
+}
