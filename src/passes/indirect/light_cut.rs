@@ -6,7 +6,7 @@ use super::form;
 use crate::error::Result;
 use crate::gpu::Buffer;
 use crate::passes::Context;
-use crate::passes::lights::virtual_light::{Rsm, Tree, VirtualLights};
+use crate::passes::lights::virtual_light::{Rsm, Tree, VirtualLights, cut_levels};
 use crate::passes::visibility::Receiver;
 use crate::settings::Settings;
 
@@ -45,22 +45,15 @@ pub struct CutParams {
     pub pad: u32,
 }
 
-/// Level whose nodes are `lights` a map or more; at most `finest`.
-pub fn level_of(lights: u32, finest: u32) -> u32 {
-    (0..finest).find(|level| 1_u64 << (2 * level) >= u64::from(lights)).unwrap_or(finest)
-}
-
 /// How far a virtual light reaches.
 pub fn reach(settings: &Settings) -> f32 {
     settings.float("vpl_radius").map_or(3.0e38, |radius| radius as f32)
 }
 
 impl CutParams {
-    /// Of a tree, as the settings say. Clusters never cross the tiles of an area light's map.
+    /// Of a tree, as the settings say.
     pub fn of_tree(settings: &Settings, rsm: &Rsm) -> Self {
-        let tiles = rsm.maps.iter().map(|map| map.tiles).max().unwrap_or(1).next_power_of_two().trailing_zeros();
-        let finest = level_of(settings.int("vpls"), rsm.finest()).max(tiles);
-        let coarsest = level_of(settings.int("coarsest_vpls"), finest).max(tiles);
+        let [coarsest, finest] = cut_levels(settings, rsm);
         let maps = rsm.maps.len() as u32;
         let bound = ["paper", "contribution", "error"].iter().position(|b| settings.is("light_cut_bound", b));
         Self {
@@ -110,14 +103,4 @@ pub fn record(
     let pass = pass.bind("receivers", receivers).bind("maps", &rsm.table);
     let pass = pass.bind("virtual_lights", &tree.nodes).bind("ranges", &tree.ranges);
     pass.bind("irradiance", irradiance).bind("evaluations", evaluations).dispatch_cut(count, CUT_NS)
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn levels_hold_at_least_what_is_asked() {
-        assert_eq!([1, 2, 4, 5, 256, 257, 1 << 20].map(|lights| level_of(lights, 8)), [0, 1, 1, 2, 4, 5, 8]);
-    }
 }

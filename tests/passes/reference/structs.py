@@ -152,6 +152,40 @@ LIGHT_FRAME = np.dtype(
 )
 TILE_BOUNDS = np.dtype([("lo", "<f4", 3), ("facing", "<u4"), ("hi", "<f4", 3), ("pad", "<u4")])
 COMPOSITE = np.dtype(_fields("direct", "indirect", "pad0", "pad1"))
+RSM_MAP = np.dtype(
+    [
+        ("origin", "<f4", 3),
+        ("kind", "<u4"),
+        ("axis", "<f4", 3),
+        ("tan_half", "<f4"),
+        ("edge_u", "<f4", 3),
+        ("cos_cutoff", "<f4"),
+        ("edge_v", "<f4", 3),
+        ("offset", "<f4"),
+        *_fields("tiles", "resolution", "equal", "map"),
+    ]
+)
+VIRTUAL_LIGHT = np.dtype(
+    [
+        ("position", "<f4", 3),
+        ("area", "<f4"),
+        ("normal", "<f4", 3),
+        ("radius", "<f4"),
+        ("flux", "<f4", 3),
+        ("solid_angle", "<f4"),
+        ("spread", "<f4"),
+        ("thickness", "<f4"),
+        *_fields("block", "extent"),
+    ]
+)
+CUT = np.dtype(
+    [
+        *_fields("roots", "coarsest", "finest", "maps", "bound"),
+        ("threshold", "<f4"),
+        ("reach", "<f4"),
+        *_fields("rays", "seed", "maps_size", "reference", "pad"),
+    ]
+)
 FRAGMENT_RECEIVERS = np.dtype(_fields("first", "patterns", "seed", "pad"))
 PYRAMID = np.dtype(
     [("levels", "<u4", (17, 4)), *_fields("coarsest", "finest", "level"), ("pixel_width", "<f4")]
