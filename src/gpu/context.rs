@@ -144,7 +144,7 @@ pub(crate) fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
 }
 
 fn wanted_features(adapter: &wgpu::Adapter, software: bool) -> wgpu::Features {
-    let mut wanted = wgpu::Features::TIMESTAMP_QUERY;
+    let mut wanted = wgpu::Features::TIMESTAMP_QUERY | wgpu::Features::FLOAT32_BLENDABLE;
     if software {
         // Its memory is ours: buffers that both sides use need no copies.
         wanted |= wgpu::Features::MAPPABLE_PRIMARY_BUFFERS;
@@ -302,6 +302,11 @@ impl Gpu {
     /// True when storage buffers can be lent to host code without a copy.
     pub fn mappable(&self) -> bool {
         self.0.features.contains(wgpu::Features::MAPPABLE_PRIMARY_BUFFERS)
+    }
+
+    /// True when floats of 32 bits can be added up by blending.
+    pub fn can_blend_floats(&self) -> bool {
+        self.0.features.contains(wgpu::Features::FLOAT32_BLENDABLE)
     }
 
     /// Bytes in buffers that are alive now.

@@ -1,9 +1,10 @@
-//! Compute pipelines, made at first use and kept for the life of the device.
+//! Pipelines, made at first use and kept for the life of the device.
 
 use std::sync::Arc;
 
 use crate::error::{Error, Result};
 use crate::gpu::context::{Gpu, lock};
+use crate::gpu::raster::POINTS;
 use crate::gpu::reflect::{Binding, BindingKind, Reflection};
 use crate::gpu::shader;
 
@@ -17,13 +18,20 @@ pub(crate) struct KernelKey {
     text: Option<String>,
 }
 
-/// A compute pipeline with its reflection.
+/// What a kernel starts.
+pub(crate) enum Pipeline {
+    Compute(wgpu::ComputePipeline),
+    /// Points that are added up, see `raster`.
+    Points(wgpu::RenderPipeline),
+}
+
+/// A pipeline with its reflection.
 pub struct Kernel {
-    pub(crate) pipeline: wgpu::ComputePipeline,
+    pub(crate) pipeline: Pipeline,
     /// Layouts by group, `None` for a group without bindings.
     pub(crate) groups: Vec<Option<wgpu::BindGroupLayout>>,
     pub(crate) reflection: Reflection,
-    label: String,
+    pub(crate) label: String,
 }
 
 impl Kernel {
@@ -61,7 +69,13 @@ impl Gpu {
         self.kernel_of(stem, Some(text), entry, overrides)
     }
 
-    fn kernel_of(&self, stem: &str, text: Option<&str>, entry: &str, overrides: &[(&str, f64)]) -> Result<Arc<Kernel>> {
+    pub(crate) fn kernel_of(
+        &self,
+        stem: &str,
+        text: Option<&str>,
+        entry: &str,
+        overrides: &[(&str, f64)],
+    ) -> Result<Arc<Kernel>> {
         self.check()?;
         let key = KernelKey {
             stem: stem.to_string(),
@@ -73,7 +87,10 @@ impl Gpu {
             return Ok(kernel.clone());
         }
         // Not under the lock: compilation takes long, and making one twice is harmless.
-        let kernel = Arc::new(self.make_kernel(stem, text, entry, overrides)?);
+        let kernel = Arc::new(match entry {
+            POINTS => self.make_points(stem, overrides)?,
+            _ => self.make_kernel(stem, text, entry, overrides)?,
+        });
         Ok(lock(&self.shared().kernels).entry(key).or_insert(kernel).clone())
     }
 
@@ -102,7 +119,7 @@ impl Gpu {
             // SAFETY: all checks stay but the counters that end endless loops, which the embedded shaders do not have:
             // each of their loops runs over a range or takes from a finite list.
             let module = unsafe { device.create_shader_module_trusted(descriptor, checks) };
-            let groups = group_layouts(device, &label, &reflection.bindings);
+            let groups = group_layouts(device, &label, &reflection.bindings, wgpu::ShaderStages::COMPUTE);
             let refs: Vec<Option<&wgpu::BindGroupLayout>> = groups.iter().map(Option::as_ref).collect();
             let layout = device.create_pipeline_layout(&wgpu::PipelineLayoutDescriptor {
                 label: Some(&label),
@@ -118,7 +135,7 @@ impl Gpu {
                 // Drivers keep compiled code on disk themselves; within the process, `kernels` does.
                 cache: None,
             });
-            (pipeline, groups)
+            (Pipeline::Compute(pipeline), groups)
         });
         let (pipeline, groups) = made.map_err(|e| match e {
             Error::Device(message) => Error::Shader(message),
@@ -128,11 +145,16 @@ impl Gpu {
     }
 }
 
-fn group_layouts(device: &wgpu::Device, label: &str, bindings: &[Binding]) -> Vec<Option<wgpu::BindGroupLayout>> {
+pub(crate) fn group_layouts(
+    device: &wgpu::Device,
+    label: &str,
+    bindings: &[Binding],
+    stages: wgpu::ShaderStages,
+) -> Vec<Option<wgpu::BindGroupLayout>> {
     let count = bindings.iter().map(|b| b.group + 1).max().unwrap_or(0);
     (0..count)
         .map(|group| {
-            let entries: Vec<_> = bindings.iter().filter(|b| b.group == group).map(layout_entry).collect();
+            let entries: Vec<_> = bindings.iter().filter(|b| b.group == group).map(|b| layout_entry(b, stages)).collect();
             (!entries.is_empty()).then(|| {
                 device.create_bind_group_layout(&wgpu::BindGroupLayoutDescriptor {
                     label: Some(label),
@@ -143,11 +165,11 @@ fn group_layouts(device: &wgpu::Device, label: &str, bindings: &[Binding]) -> Ve
         .collect()
 }
 
-fn layout_entry(binding: &Binding) -> wgpu::BindGroupLayoutEntry {
+fn layout_entry(binding: &Binding, stages: wgpu::ShaderStages) -> wgpu::BindGroupLayoutEntry {
     let uniform = binding.kind == BindingKind::Uniform;
     wgpu::BindGroupLayoutEntry {
         binding: binding.binding,
-        visibility: wgpu::ShaderStages::COMPUTE,
+        visibility: stages,
         ty: wgpu::BindingType::Buffer {
             ty: match binding.kind {
                 BindingKind::Uniform => wgpu::BufferBindingType::Uniform,

@@ -11,7 +11,7 @@ use bytemuck::Pod;
 
 use crate::error::{Error, Result};
 use crate::gpu::context::lock;
-use crate::gpu::kernel::Kernel;
+use crate::gpu::kernel::{Kernel, Pipeline};
 use crate::gpu::recorder::{PIECE_NS, Recorder};
 use crate::gpu::reflect::BindingKind;
 use crate::gpu::resource::{Buffer, Slice, Usage};
@@ -26,6 +26,13 @@ pub(crate) const GRID: &str = "grid";
 pub(crate) struct Grid {
     first: u32,
     end: u32,
+}
+
+impl Grid {
+    /// All of `items` at once.
+    pub(crate) fn whole(items: u32) -> Self {
+        Self { first: 0, end: items }
+    }
 }
 
 /// More items would overflow the linear index of a folded grid.
@@ -178,6 +185,9 @@ impl<'r, 'a> Pass<'r, 'a> {
     fn record(&mut self, grid: Grid, dispatch: impl FnOnce(&mut wgpu::ComputePass<'_>)) -> Result<()> {
         self.check_bindings()?;
         let kernel = self.kernel;
+        let Pipeline::Compute(pipeline) = &kernel.pipeline else {
+            return Err(self.fault("draws points and cannot be dispatched"));
+        };
         let uniforms = kernel.reflection.bindings.iter().filter(|b| b.kind == BindingKind::Uniform);
         if !self.recorder.staging.fits(uniforms.map(|b| b.min_bytes as usize)) {
             self.recorder.flush()?;
@@ -192,7 +202,7 @@ impl<'r, 'a> Pass<'r, 'a> {
             let timestamp_writes = clock.pass(&stage, work);
             let descriptor = wgpu::ComputePassDescriptor { label: Some(&stage), timestamp_writes };
             let mut pass = encoder.begin_compute_pass(&descriptor);
-            pass.set_pipeline(&kernel.pipeline);
+            pass.set_pipeline(pipeline);
             for (index, group) in groups.iter().enumerate() {
                 if let Some((group, offsets)) = group {
                     pass.set_bind_group(index as u32, group, offsets);

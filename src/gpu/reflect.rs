@@ -80,6 +80,27 @@ impl Reflection {
         Ok(reflection)
     }
 
+    /// Reads the vertex and the fragment entry point of a compiled shader as one: what either binds.
+    ///
+    /// # Errors
+    /// As [`Reflection::of`].
+    pub fn of_points(text: &ShaderText, vertex: &str, fragment: &str) -> Result<Self> {
+        let fault = |message: String| Error::Shader(format!("shaders/{}.wgsl: {message}", text.stem));
+        let mut found: Vec<Binding> = Vec::new();
+        for (entry, stage) in [(vertex, ShaderStage::Vertex), (fragment, ShaderStage::Fragment)] {
+            let mut points = text.module.entry_points.iter();
+            let position = points.position(|p| p.name == entry && p.stage == stage);
+            let position = position.ok_or_else(|| fault(format!("no {stage:?} entry point {entry:?}")))?;
+            let more = bindings(text, position).map_err(&fault)?;
+            found.extend(more.into_iter().filter(|b| !found.contains(b)).collect::<Vec<_>>());
+        }
+        found.sort_by_key(|b| (b.group, b.binding));
+        let overrides = text.module.overrides.iter().filter_map(|(_, o)| o.name.clone()).collect();
+        let reflection = Self { entry: vertex.to_string(), workgroup: [1; 3], bindings: found, overrides };
+        reflection.verify().map_err(fault)?;
+        Ok(reflection)
+    }
+
     /// The binding of that name.
     pub fn binding(&self, name: &str) -> Option<&Binding> {
         self.bindings.iter().find(|b| b.name == name)

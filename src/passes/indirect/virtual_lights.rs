@@ -39,7 +39,7 @@ pub fn check(snapshot: &Snapshot, settings: &Settings, gpu: &Gpu) -> Result<()> 
     if !plan::indirect_from_virtual_lights(settings) {
         return Ok(());
     }
-    if settings.is("indirect", "splat") && gpu.limits().max_bind_groups == 0 {
+    if settings.is("indirect", "splat") && !gpu.can_blend_floats() {
         let why = "indirect=\"splat\" adds up floats by blending, which this adapter cannot; indirect=\"gather\" has the \
                    same result";
         return Err(Error::Settings(why.to_owned()));
