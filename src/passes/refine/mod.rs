@@ -5,6 +5,7 @@ pub mod cells;
 pub mod compact;
 pub mod extra_samples;
 pub mod incremental;
+pub mod iterative;
 pub mod light_bounds;
 pub mod list_params;
 pub mod nodes;

@@ -6,6 +6,7 @@ use crate::error::{Error, Result};
 use crate::gpu::{Buffer, Usage};
 use crate::passes::refine::compact;
 use crate::passes::refine::extra_samples::Extras;
+use crate::passes::refine::iterative;
 use crate::passes::refine::pyramid::{self, Pyramid, Texels};
 use crate::passes::{Context, GBuffer};
 use crate::settings::Settings;
@@ -117,7 +118,9 @@ fn states_with(
     let state: Buffer<u32> = context.resources.buffer("texel_state", pyramid.texels())?;
     context.recorder.clear(&state)?;
     cull(context, gbuffer, &pyramid, params, &state)?;
-    if pyramid.coarsest > pyramid.finest {
+    if pyramid.coarsest > pyramid.finest && context.settings.is("refine", "iterative") {
+        iterative::record(context, &texels, &params, &state)?;
+    } else if pyramid.coarsest > pyramid.finest {
         let kernel = context.kernel("refine/one_pass", "classify")?;
         let pass = context.recorder.pass("one_pass", &kernel).uniform("params", &params).uniform("pyramid", &pyramid);
         let pass = pass.uniform("view", &context.view).bind("means", &texels.means).bind("ranges", &texels.ranges);
