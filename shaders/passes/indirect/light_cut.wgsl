@@ -2,7 +2,7 @@
 // In: receivers, the tree, maps. Out: irradiance, w: its mean over the channels with discs alone; in and out: how many nodes were evaluated.
 
 import package::common::form_factor::{
-    DISC, Lit, POINT, QUAD, disc_irradiance, is_near, patch_of, quad_irradiance,
+    DISC, Lit, QUAD, disc_irradiance, is_near, patch_of, quad_irradiance,
 };
 import package::common::grid::{Grid, item_index};
 import package::common::light_cut::{
@@ -14,7 +14,7 @@ import package::common::rsm::RsmMap;
 
 override FORM: u32 = 1u;
 // Quadrilaterals of a receiver at most; what is near beyond that is taken for discs.
-const MOST_NEAR: u32 = 32u;
+const MOST_NEAR: u32 = 64u;
 
 @group(0) @binding(30) var<uniform> grid: Grid;
 @group(0) @binding(1) var<storage, read> receivers: array<Receiver>;
@@ -48,7 +48,7 @@ fn main(
             let place = virtual_lights[4u * node];
             let facing = virtual_lights[4u * node + 1u];
             let flux = virtual_lights[4u * node + 2u].xyz;
-            var light = disc_irradiance(at, place, facing, flux, FORM != POINT, params.reach);
+            var light = disc_irradiance(at, place, facing, flux, FORM == DISC, params.reach);
             if FORM == QUAD {
                 if is_near(at, place, facing) && nears < MOST_NEAR && any(flux > vec3f(0.0)) {
                     near[nears] = node;

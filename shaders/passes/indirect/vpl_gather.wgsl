@@ -3,7 +3,7 @@
 // discs alone.
 
 import package::common::form_factor::{
-    DISC, Lit, POINT, QUAD, disc_irradiance, is_near, patch_of, quad_irradiance,
+    DISC, Lit, QUAD, disc_irradiance, is_near, patch_of, quad_irradiance,
 };
 import package::common::grid::{Grid, item_index};
 import package::common::ray::Receiver;
@@ -19,7 +19,7 @@ struct VplGatherParams {
 
 override FORM: u32 = 0u;
 // Quadrilaterals of a receiver at most; what is near beyond that is taken for discs.
-const MOST_NEAR: u32 = 32u;
+const MOST_NEAR: u32 = 64u;
 
 @group(0) @binding(30) var<uniform> grid: Grid;
 @group(0) @binding(0) var<uniform> params: VplGatherParams;
@@ -47,7 +47,7 @@ fn main(
         let place = virtual_lights[4u * j];
         let facing = virtual_lights[4u * j + 1u];
         let flux = virtual_lights[4u * j + 2u].xyz;
-        var light = disc_irradiance(at, place, facing, flux, FORM != POINT, params.reach);
+        var light = disc_irradiance(at, place, facing, flux, FORM == DISC, params.reach);
         if FORM == QUAD {
             if is_near(at, place, facing) && nears < MOST_NEAR && any(flux > vec3f(0.0)) {
                 near[nears] = j;

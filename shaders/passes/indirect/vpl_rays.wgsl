@@ -4,7 +4,7 @@
 // In: receivers, the cut or list, irradiance (w: its mean over the channels), texels of the maps. Out: rays; for each
 // what it stands for, rgb.
 
-import package::common::form_factor::{Lit, POINT, disc_irradiance};
+import package::common::form_factor::{DISC, Lit, disc_irradiance};
 import package::common::grid::{Grid, item_index};
 import package::common::light_cut::{
     after, below, first_visit, mean_of, node_of, params, ranges, reference_irradiance, splits, virtual_lights,
@@ -81,7 +81,7 @@ fn main(
         }
         let row = 4u * node_of(visit);
         let light = disc_irradiance(
-            at, virtual_lights[row], virtual_lights[row + 1u], virtual_lights[row + 2u].xyz, FORM != POINT, params.reach);
+            at, virtual_lights[row], virtual_lights[row + 1u], virtual_lights[row + 2u].xyz, FORM == DISC, params.reach);
         sum += mean_of(light);
         while k < params.rays && next < sum && step > 0.0 {
             let place = target_in(row, random4(vec4u(r.pixel, k, 8u, params.seed)));

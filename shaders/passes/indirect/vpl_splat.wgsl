@@ -5,7 +5,7 @@
 //   spread    from the target's pixels to the receivers' numbers
 // In: receivers, virtual lights. Out: the target; irradiance, w: its mean over the channels.
 
-import package::common::form_factor::{Lit, POINT, disc_irradiance};
+import package::common::form_factor::{DISC, Lit, disc_irradiance};
 import package::common::grid::{Grid, item_index};
 import package::common::ray::Receiver;
 import package::common::receiver::INACTIVE;
@@ -50,7 +50,7 @@ fn fragment(splat: Splat) -> @location(0) vec4f {
     let row = 4u * splat.light;
     let light = disc_irradiance(
         Lit(r.origin, r.normal_shade, r.normal_geo),
-        virtual_lights[row], virtual_lights[row + 1u], virtual_lights[row + 2u].xyz, FORM != POINT, params.reach);
+        virtual_lights[row], virtual_lights[row + 1u], virtual_lights[row + 2u].xyz, FORM == DISC, params.reach);
     return vec4f(light, (light.x + light.y + light.z) / 3.0);
 }
 

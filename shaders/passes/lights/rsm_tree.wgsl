@@ -26,6 +26,8 @@ struct RsmTreeParams {
 
 // A mean normal shorter than this has no direction: the normals cancel.
 const NO_NORMAL: f32 = 1e-6;
+// From this difference of unit normals on, 30 degrees, the child with most flux stands for a node.
+const MOST_TILT: f32 = 0.5;
 // Roundings of a few sums.
 const SLACK: f32 = 1.000001;
 
@@ -99,6 +101,7 @@ fn reduce(
     var heaviest = 0.0;
     var weight = 0.0;
     var stand_in = vec3f(0.0);
+    var stand_in_place = vec3f(0.0);
     var lo = vec4f(RSM_FAR);
     var hi = vec4f(-RSM_FAR);
     for (var k = 0u; k < 4u; k++) {
@@ -111,6 +114,7 @@ fn reduce(
         node.area += child.area;
         node.solid_angle += child.solid_angle;
         stand_in = select(stand_in, child.normal, w > heaviest);
+        stand_in_place = select(stand_in_place, child.position, w > heaviest);
         heaviest = max(heaviest, w);
         lo = min(lo, ranges[2u * (first + k)]);
         hi = max(hi, ranges[2u * (first + k) + 1u]);
@@ -118,7 +122,17 @@ fn reduce(
     let share = 1.0 / max(weight, 1e-37);
     node.position *= share;
     let long = length(node.normal) * share;
-    node.normal = select(stand_in, node.normal * (share / max(long, NO_NORMAL)), long > NO_NORMAL);
+    node.normal *= share / max(long, NO_NORMAL);
+    // Where its surfaces face different ways their mean lies on none of them, and looks where none does.
+    var tilt = 0.0;
+    for (var k = 0u; k < 4u; k++) {
+        let child = nodes[first + k];
+        let turned = length(child.normal - node.normal) + child.spread;
+        tilt = max(tilt, select(0.0, turned, sum_of(child.flux) > 0.0));
+    }
+    let bent = tilt > MOST_TILT || long < NO_NORMAL;
+    node.position = select(node.position, stand_in_place, bent);
+    node.normal = select(node.normal, stand_in, bent);
     for (var k = 0u; k < 4u; k++) {
         let child = nodes[first + k];
         let lights = sum_of(child.flux) > 0.0;
