@@ -45,6 +45,8 @@ NO_PASS = {
     "list_params",
     "occlusion",
     "voxel_depths",
+    "virtual_light",
+    "virtual_lights",
 }
 # Two shaders of one pass: closest and any hits, and shadow rays that are made where they are traced.
 RUST_OF = {"visibility/shadow": "visibility/trace"}

@@ -30,7 +30,7 @@ def test_info() -> None:
     assert ml.__version__ in result.output
     assert ml.adapters()[0]["name"] in result.output
     assert "preset   brute-force" in result.output
-    assert "hierarchical-2009 (not available yet)" in result.output
+    assert "preset   hierarchical-2009" in result.output
 
 
 def test_version_and_help() -> None:

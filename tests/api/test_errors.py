@@ -33,8 +33,7 @@ def test_each_is_one_of_ours_and_a_builtin(kind: type[ml.MiplightError]) -> None
 
 def test_what_is_not_there_yet_says_so() -> None:
     attempts: list[Callable[[], object]] = [
-        lambda: ml.Settings.preset("hierarchical-2009"),
-        lambda: ml.Settings(indirect="splat"),
+        lambda: ml.Settings(indirect="lpv"),
         lambda: ml.Settings(budget_ms=10),
         lambda: ml.study.sweep(None, None, {}),
         lambda: ml.study.pareto(None),
