@@ -27,8 +27,10 @@ override TREE: bool = true;
 
 // A ray ends just short of its target, whose own rounding moves its surface (N5).
 const RAY_END: f32 = 0.9995;
+// Cosine between the normals of a light and of a texel that may stand for it.
+const LEAST_ALIKE: f32 = 0.5;
 
-// A texel of the light's block that reflects something; the light's own place where the block has none at two tries.
+// A texel of the light's block that reflects something, and faces nearly where the light does; the light's own place where the block has none at two tries.
 fn target_in(row: u32, random: vec4f) -> vec3f {
     let shape = bitcast<vec4u>(virtual_lights[row + 3u]);
     let first = vec2u(shape.z & 0xffffu, shape.z >> 16u);
@@ -39,7 +41,8 @@ fn target_in(row: u32, random: vec4f) -> vec3f {
         let chosen = select(random.zw, random.xy, k == 1u);
         let texel = first + min(vec2u(chosen * f32(width)), vec2u(max(width, 1u) - 1u));
         let at = RSM_ROWS * select(0u, base + texel.y * params.maps_size + texel.x, width != 0u);
-        let lights = (width != 0u) & any(rsm_texels[at + 2u].xyz > vec3f(0.0));
+        let faces = dot(rsm_texels[at + 1u].xyz, virtual_lights[row + 1u].xyz) > LEAST_ALIKE;
+        let lights = (width != 0u) & faces & any(rsm_texels[at + 2u].xyz > vec3f(0.0));
         place = select(place, rsm_texels[at].xyz, lights);
     }
     return place;
