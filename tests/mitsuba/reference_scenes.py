@@ -181,6 +181,7 @@ STORED = {
     "one_bounce": Stored(one_light, 8192, 3, "total"),
     "one_bounce_indirect": Stored(one_light, 8192, 3, "indirect"),
     "four_bounces_indirect": Stored(one_light, 4096, 6, "indirect"),
+    "spot_indirect": Stored(hard_spot, 8192, 3, "indirect"),
     **{f"glossy_floor_{n}": _glossy(n, shadowed=False) for n in SHININESS},
     **{f"glossy_shadowed_{n}": _glossy(n, shadowed=True) for n in SHININESS},
     "dragon_two": _claim("dragon_two"),
