@@ -2,7 +2,7 @@
 // ones again, until none is, or the finest level is reached. What is never listed is never tested; the fragments are those
 // of one_pass. Deviation: a list is compacted from the flags of its level, in the order of the texels.
 //   begin  which texels of the coarsest level may be lit
-//   split  tests the listed texels of `pyramid.level`, and flags the children of rough ones
+//   split  tests the listed texels of `pyramid.level`, and flags the children of rough ones down to above the finest level
 // In: pyramid, list. In and out: texel_state; flags of the next list.
 
 import package::common::fragment::LIT;
@@ -43,7 +43,7 @@ fn split(
     let number = size.z + list[i];
     let state = roughness(pyramid.level, texel, number - pyramid.levels[1].z);
     texel_state[number] |= state;
-    if state == 0u || pyramid.level < 2u {
+    if state == 0u || pyramid.level <= pyramid.finest + 1u {
         return;
     }
     let below = pyramid.levels[pyramid.level - 1u];

@@ -79,6 +79,21 @@ def texel_states(
     return states
 
 
+def listed_states(states: list[NDArray[np.int64]], coarsest: int, finest: int) -> list[NDArray[np.int64]]:
+    """The same where only what is reached from the coarsest level by lit rough texels is tested."""
+    reached = np.ones_like(states[coarsest], bool)
+    found: dict[int, NDArray[np.int64]] = {}
+    for level in range(coarsest, -1, -1):
+        state = states[level]
+        tested = reached & (level > finest) & ((state & LIT) != 0)
+        rough = np.where(tested, state & (ROUGH_DEPTH | ROUGH_NORMAL), 0)
+        found[level] = (state & ~(ROUGH_DEPTH | ROUGH_NORMAL)) | rough
+        if level:
+            rows, columns = states[level - 1].shape
+            reached = np.repeat(np.repeat(rough != 0, 2, axis=0), 2, axis=1)[:rows, :columns]
+    return [found[level] for level in range(coarsest + 1)]
+
+
 def choose(g: GBuffer, states: list[NDArray[np.int64]], coarsest: int, finest: int) -> Maps:
     """Level map, reason map, and every unculled fragment as (level, row, column of its first pixel)."""
     height, width = states[0].shape

@@ -28,7 +28,7 @@ from tests.passes.reference.refining import (
     texel_states,
 )
 from tests.passes.reference.run import Runner, read
-from tests.passes.reference.structs import ONE_PASS, record
+from tests.passes.reference.structs import ONE_PASS, SURFACE, record
 from tests.passes.refine.test_pyramid import run as run_pyramid
 
 STEM = "passes/refine/one_pass"
@@ -52,6 +52,42 @@ class Chosen:
         self.fragments = sorted(zip(levels.tolist(), rows.tolist(), columns.tolist(), strict=True))
 
 
+def culled(
+    runner: Runner, view: Rows, g: GBuffer, lights: Sequence[Light], given: dict[str, Rows], total: int
+) -> Rows:
+    """States of all texels after `cull`."""
+    width, height = int(view["width"][0]), int(view["height"][0])
+    marked = runner(
+        STEM,
+        sizes(width, height)[1][3],
+        entry="cull",
+        lights=table(list(lights)),
+        marks=np.zeros(total, np.uint32),
+        **given,
+        **g.rows(),
+    )
+    return read(marked, "marks", np.uint32)
+
+
+def chosen(runner: Runner, view: Rows, g: GBuffer, pyramid: Rows, state: Rows) -> Chosen:
+    """What follows from the states."""
+    width, height = int(view["width"][0]), int(view["height"][0])
+    places = len(pixel_numbers(width, height))
+    out = runner(
+        STEM,
+        places,
+        entry="choose",
+        pyramid=pyramid,
+        g_normal=g.rows()["g_normal"],
+        texel_state=state,
+        level_map=np.full(width * height, 77, np.uint32),
+        reason_map=np.full(width * height, 77, np.uint32),
+        fragment_flags=np.full(places, 77, np.uint32),
+        fragment_at=np.zeros(len(state), np.uint32),
+    )
+    return Chosen(view, state, out, read(out, "fragment_at", np.uint32))
+
+
 def refine(
     runner: Runner,
     view: Rows,
@@ -62,23 +98,12 @@ def refine(
     **params: Any,
 ) -> Chosen:
     """Pyramid and refinement of a G-buffer; metrics by number, thresholds."""
-    width, height = int(view["width"][0]), int(view["height"][0])
-    levels = sizes(width, height)
-    total = sum(row[3] for row in levels[: coarsest + 1])
+    levels = sizes(int(view["width"][0]), int(view["height"][0]))
     given = {
         "params": record(ONE_PASS, lights=len(lights), **params),
         "pyramid": pyramid_record(view, coarsest, finest),
     }
-    marked = runner(
-        STEM,
-        levels[1][3],
-        entry="cull",
-        lights=table(list(lights)),
-        marks=np.zeros(total, np.uint32),
-        **given,
-        **g.rows(),
-    )
-    state = read(marked, "marks", np.uint32)
+    state = culled(runner, view, g, lights, given, sum(row[3] for row in levels[: coarsest + 1]))
     if coarsest > finest:
         means, ranges, spreads = run_pyramid(runner, view, g, coarsest)
         classified = runner(
@@ -93,20 +118,7 @@ def refine(
             **given,
         )
         state = read(classified, "texel_state", np.uint32)
-    places = len(pixel_numbers(width, height))
-    chosen = runner(
-        STEM,
-        places,
-        entry="choose",
-        pyramid=given["pyramid"],
-        g_normal=g.rows()["g_normal"],
-        texel_state=state,
-        level_map=np.full(width * height, 77, np.uint32),
-        reason_map=np.full(width * height, 77, np.uint32),
-        fragment_flags=np.full(places, 77, np.uint32),
-        fragment_at=np.zeros(total, np.uint32),
-    )
-    return Chosen(view, state, chosen, read(chosen, "fragment_at", np.uint32))
+    return chosen(runner, view, g, given["pyramid"], state)
 
 
 def _gap(values: Rows, share: float) -> float:
@@ -116,7 +128,7 @@ def _gap(values: Rows, share: float) -> float:
     return float(ordered[at] / 2 + ordered[at + 1] / 2) if len(ordered) > 1 else float(ordered[0] * 1.5 + 1)
 
 
-def _lights(rng: np.random.Generator, view: Rows) -> list[Light]:
+def some_lights(rng: np.random.Generator, view: Rows) -> list[Light]:
     """An area light beside the surface, which only some of it faces, and a spot on another part."""
     v = {name: view[name][0].astype(np.float64) for name in ("eye", "right", "up", "backward")}
     middle = v["eye"] - 3.0 * v["backward"]
@@ -124,6 +136,23 @@ def _lights(rng: np.random.Generator, view: Rows) -> list[Light]:
     area = Area(corner, 0.3 * v["up"] + 0.1 * v["right"], 0.2 * v["backward"] - 0.1 * v["right"], np.ones(3))
     position = middle - 2 * v["right"] + rng.normal(size=3) * 0.2
     return [area, Spot(position, v["right"] - 0.3 * v["backward"], np.ones(3), 0.95)]
+
+
+def rough_texels(
+    view: Rows, g: GBuffer, coarsest: int, metrics: tuple[str, str]
+) -> tuple[dict[str, Any], NDArray[np.int64]]:
+    """Metrics with thresholds that some of the texels are above of, and which these are."""
+    t = texels(view, g, max(coarsest, 1))
+    depth, normal = depth_change(t, metrics[0]), normal_change(t, metrics[1])
+    limits = _gap(depth[t.count > 0], 0.7), _gap(normal[t.count > 0], 0.6)
+    rough = ROUGH_DEPTH * ((depth > limits[0]) | (t.count < t.pixels)) + ROUGH_NORMAL * (normal > limits[1])
+    params = {
+        "depth_metric": DEPTH_METRICS[metrics[0]],
+        "normal_metric": NORMAL_METRICS[metrics[1]],
+        "depth_threshold": limits[0],
+        "normal_threshold": limits[1],
+    }
+    return params, rough
 
 
 CASES = [
@@ -148,24 +177,9 @@ def test_levels_reasons_and_fragments_agree_with_the_loops(
 ) -> None:
     view = random_view(rng, *size)
     g = wavy_gbuffer(rng, view, holes=0.01, step=0.5)
-    lights = _lights(rng, view)
-    t = texels(view, g, max(coarsest, 1))
-    depth, normal = depth_change(t, metrics[0]), normal_change(t, metrics[1])
-    limits = _gap(depth[t.count > 0], 0.7), _gap(normal[t.count > 0], 0.6)
-    found = refine(
-        runner,
-        view,
-        g,
-        lights,
-        coarsest,
-        finest,
-        depth_metric=DEPTH_METRICS[metrics[0]],
-        normal_metric=NORMAL_METRICS[metrics[1]],
-        depth_threshold=limits[0],
-        normal_threshold=limits[1],
-    )
-    holes = t.count < t.pixels
-    rough = ROUGH_DEPTH * ((depth > limits[0]) | holes) + ROUGH_NORMAL * (normal > limits[1])
+    lights = some_lights(rng, view)
+    params, rough = rough_texels(view, g, coarsest, metrics)
+    found = refine(runner, view, g, lights, coarsest, finest, **params)
     bits = pixel_bits(g, lights)
 
     def expected(bits: Rows, rough: Rows) -> tuple[Rows, Rows, list[tuple[int, int, int]]]:
@@ -249,3 +263,17 @@ def test_no_light_culls_everything_and_says_so(runner: Runner, rng: np.random.Ge
     first = sizes(32, 32)[3][2]
     assert (found.at[first:] == CULLED).all()
     assert not found.at[:first].any()
+
+
+def test_where_light_comes_from_everywhere_no_light_culls(runner: Runner, rng: np.random.Generator) -> None:
+    view = random_view(rng, 41, 30)
+    g = wavy_gbuffer(rng, view, holes=0.02, step=0.5)
+    limits = {"depth_metric": 3, "depth_threshold": 0.1}
+    found = refine(runner, view, g, some_lights(rng, view), 4, all_lit=1, **limits)
+    surfaces = (g.kind == SURFACE).reshape(30, 41)
+    assert ((found.level_map < 254) == surfaces).all()
+    assert (found.state[: 41 * 30] == np.where(surfaces.ravel(), LIT, 0)).all()
+    bits = np.where(g.kind == SURFACE, LIT, 0)
+    partition(found, bits)
+    some = refine(runner, view, g, some_lights(rng, view), 4, **limits)
+    assert ((some.level_map < 254) != surfaces).any(), "the lights do cull some"
