@@ -4,7 +4,7 @@ use bytemuck::{Pod, Zeroable};
 use glam::Vec3;
 
 use crate::error::Result;
-use crate::gpu::Buffer;
+use crate::gpu::{Buffer, Slice};
 use crate::passes::Context;
 use crate::passes::visibility::shadow::ShadowLight;
 use crate::scene::material::Texture;
@@ -199,11 +199,20 @@ fn parameters(context: &Context<'_, '_>, light: usize, grid: [u32; 2], classes: 
 }
 
 /// Mean radiance times area of each stratum.
-fn radiance(context: &mut Context<'_, '_>, params: &LightSamplesParams, to: &Buffer<[f32; 4]>) -> Result<()> {
+fn radiance(context: &mut Context<'_, '_>, params: &LightSamplesParams, to: Slice<'_>) -> Result<()> {
     let kernel = context.kernel("lights/light_samples", "radiance")?;
     let lights = context.scene.lights()?;
     let pass = context.recorder.pass("light_samples", &kernel).uniform("params", params);
     pass.bind("lights", lights).bind("light_radiance", to).dispatch_groups((params.strata_u * params.strata_v) as usize)
+}
+
+/// Mean radiance times area of each of `across` x `across` equal parts of an area light; in the order of its strata.
+///
+/// # Errors
+/// Those of the device.
+pub fn parts(context: &mut Context<'_, '_>, light: usize, across: u32, to: Slice<'_>) -> Result<()> {
+    let params = parameters(context, light, [across; 2], 1);
+    radiance(context, &params, to)
 }
 
 fn rows<'p>(context: &Context<'p, '_>, light: usize) -> &'p [[f32; 4]] {
@@ -225,7 +234,7 @@ fn area(context: &mut Context<'_, '_>, light: usize, grid: [u32; 2], classes: u3
     let lights = context.scene.lights()?;
     let pass = context.recorder.pass("light_samples", &kernel).uniform("params", &params);
     pass.bind("lights", lights).bind("light_points", &points).dispatch(count)?;
-    radiance(context, &params, &to)?;
+    radiance(context, &params, (&to).into())?;
     Ok(LightSamples {
         light: light as u32,
         strata: strata / classes,

@@ -1,4 +1,5 @@
 //! Where lights are sampled.
 
 pub mod light_samples;
+pub mod rsm_rays;
 pub mod virtual_light;

@@ -233,6 +233,35 @@ INCREMENTAL = np.dtype(
         *_fields("pad0", "pad1", "pad2"),
     ]
 )
+RSM_MAP = np.dtype(
+    [
+        ("origin", "<f4", 3),
+        ("kind", "<u4"),
+        ("axis", "<f4", 3),
+        ("tan_half", "<f4"),
+        ("edge_u", "<f4", 3),
+        ("cos_cutoff", "<f4"),
+        ("edge_v", "<f4", 3),
+        ("offset", "<f4"),
+        *_fields("tiles", "resolution"),
+        ("equal", "<f4"),
+        *_fields("map"),
+    ]
+)
+VIRTUAL_LIGHT = np.dtype(
+    [
+        ("position", "<f4", 3),
+        ("area", "<f4"),
+        ("normal", "<f4", 3),
+        ("radius", "<f4"),
+        ("flux", "<f4", 3),
+        ("solid_angle", "<f4"),
+        ("spread", "<f4"),
+        ("thickness", "<f4"),
+        *_fields("block", "extent"),
+    ]
+)
+RSM = np.dtype(_fields("first", "stride", "pad0", "pad1"))
 DOWNSAMPLE = np.dtype(_fields("width", "height", "factor", "pad"))
 
 
