@@ -3,3 +3,4 @@
 pub mod light_samples;
 pub mod rsm_rays;
 pub mod virtual_light;
+pub mod vpl_grid;

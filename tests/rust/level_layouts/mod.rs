@@ -5,6 +5,7 @@ use miplight::host_layout;
 use miplight::passes::gather::interleaved::InterleavedParams;
 use miplight::passes::lights::rsm_rays::RsmParams;
 use miplight::passes::lights::virtual_light::{RsmMap, VirtualLight};
+use miplight::passes::lights::vpl_grid::VplGridParams;
 use miplight::passes::lobes::lobe_ask::LobeAskParams;
 use miplight::passes::lobes::lobe_gather::LobeGatherParams;
 use miplight::passes::lobes::lobe_levels::LobeLevelsParams;
@@ -68,10 +69,12 @@ fn virtual_lights() -> Vec<(Layout, &'static str, &'static str)> {
         extent
     });
     let rays = host_layout!(RsmParams { first, stride, pad0, pad1 });
+    let regular = host_layout!(VplGridParams { resolution, across, first_map, first_light });
     vec![
         (map, "common/rsm", "RsmMap"),
         (light, "common/virtual_light", "VirtualLight"),
         (rays, "passes/lights/rsm_rays", "RsmParams"),
+        (regular, "passes/lights/vpl_grid", "VplGridParams"),
     ]
 }
 
