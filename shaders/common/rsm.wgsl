@@ -22,7 +22,7 @@ struct RsmMap {
     offset: f32,        // how far off the light rays start
     tiles: u32,         // along an edge; spot: 1
     resolution: u32,    // texels along an edge of the map, a power of two
-    equal: u32,         // 1: every texel of a spot's frustum is given the same solid angle [NSW09 Eq. 4]
+    equal: f32,         // spot: the solid angle that every texel is given [NSW09 Eq. 4]; 0: each its own
     map: u32,           // its number
 }
 

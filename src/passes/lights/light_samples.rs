@@ -4,7 +4,7 @@ use bytemuck::{Pod, Zeroable};
 use glam::Vec3;
 
 use crate::error::Result;
-use crate::gpu::Buffer;
+use crate::gpu::{Buffer, Slice};
 use crate::passes::Context;
 use crate::passes::visibility::shadow::ShadowLight;
 use crate::scene::material::Texture;
@@ -199,11 +199,20 @@ fn parameters(context: &Context<'_, '_>, light: usize, grid: [u32; 2], classes: 
 }
 
 /// Mean radiance times area of each stratum.
-fn radiance(context: &mut Context<'_, '_>, params: &LightSamplesParams, to: &Buffer<[f32; 4]>) -> Result<()> {
+fn radiance(context: &mut Context<'_, '_>, params: &LightSamplesParams, to: Slice<'_>) -> Result<()> {
     let kernel = context.kernel("lights/light_samples", "radiance")?;
     let lights = context.scene.lights()?;
     let pass = context.recorder.pass("light_samples", &kernel).uniform("params", params);
     pass.bind("lights", lights).bind("light_radiance", to).dispatch_groups((params.strata_u * params.strata_v) as usize)
+}
+
+/// Mean radiance times area of each of `across` x `across` equal parts of an area light; in the order of its strata.
+///
+/// # Errors
+/// Those of the device.
+pub fn parts(context: &mut Context<'_, '_>, light: usize, across: u32, to: Slice<'_>) -> Result<()> {
+    let params = parameters(context, light, [across; 2], 1);
+    radiance(context, &params, to)
 }
 
 fn rows<'p>(context: &Context<'p, '_>, light: usize) -> &'p [[f32; 4]] {
@@ -225,7 +234,7 @@ fn area(context: &mut Context<'_, '_>, light: usize, grid: [u32; 2], classes: u3
     let lights = context.scene.lights()?;
     let pass = context.recorder.pass("light_samples", &kernel).uniform("params", &params);
     pass.bind("lights", lights).bind("light_points", &points).dispatch(count)?;
-    radiance(context, &params, &to)?;
+    radiance(context, &params, (&to).into())?;
     Ok(LightSamples {
         light: light as u32,
         strata: strata / classes,
@@ -263,24 +272,4 @@ fn spot(context: &mut Context<'_, '_>, light: usize, classes: u32) -> Result<Lig
         cos_cutoff: rows[4][3],
         boosts: AS_MOST,
     })
-}
-
-/// Mean radiance times area of each part of an area light in a grid of its own, row by row; of a spot its intensity.
-///
-/// # Errors
-/// Those of the device.
-pub fn radiance_of(
-    context: &mut Context<'_, '_>,
-    light: usize,
-    grid: [u32; 2],
-    name: &str,
-) -> Result<Buffer<[f32; 4]>> {
-    let parts = (grid[0] * grid[1]) as usize;
-    let to = context.resources.buffer(&format!("{name}/{light}"), parts)?;
-    if light >= context.prepared.area_lights {
-        to.write(context.recorder.gpu(), 0, &vec![xyz(rows(context, light)[4]).extend(0.0).to_array(); parts])?;
-    } else {
-        radiance(context, &parameters(context, light, grid, 1), &to)?;
-    }
-    Ok(to)
 }

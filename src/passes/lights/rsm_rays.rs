@@ -1,9 +1,9 @@
-//! Reflective shadow maps of all lights: rays for their texels, traced, and what they meet.
+//! Reflective shadow maps [DS05]: rays for their texels, traced, and what the surfaces that they meet reflect.
 
-use glam::Vec3;
+use bytemuck::{Pod, Zeroable};
 
 use super::light_samples;
-use super::virtual_light::{RSM_ROWS, Rsm, RsmMap, VirtualLight};
+use super::virtual_light::{RSM_ROWS, Rsm, RsmMap, VirtualLight, level_first};
 use crate::error::{Error, Result};
 use crate::gpu::Buffer;
 use crate::passes::Context;
@@ -14,117 +14,174 @@ use crate::settings::Settings;
 
 /// Rays that are traced at once.
 const RAYS: usize = 1 << 19;
-/// How far off an area light its rays start, as a share of its longer edge: clear of its own surface.
-const OFFSET: f32 = 1e-4;
-/// Texels along an edge that each point of an area light has at least.
-const LEAST_TILE: u32 = 8;
+/// How far off the light its rays start, as a share of its longer edge: clear of its own surface.
+const OFFSET: f64 = 1e-4;
+/// Fewest texels along an edge of a tile.
+const TILE_TEXELS: u32 = 8;
+/// Fewest places of a map in the list of what parts of lights emit: 256 bytes, so that each map's can be bound.
+const PLACES: usize = 16;
 
-/// Points along an edge of an area light.
-fn tiles(settings: &Settings) -> u32 {
-    let wanted = f64::from(settings.int("rsm_light_points")).sqrt() as u32;
-    wanted.min(settings.int("rsm_resolution") / LEAST_TILE).max(1)
+/// Twin of `RsmParams` in `shaders/passes/lights/rsm_rays.wgsl`.
+#[repr(C)]
+#[derive(Debug, Clone, Copy, Pod, Zeroable)]
+pub struct RsmParams {
+    /// Texel of the list.
+    pub first: u32,
+    /// Parts of lights that a map has room for.
+    pub stride: u32,
+    /// Unused.
+    pub pad0: u32,
+    /// Unused.
+    pub pad1: u32,
 }
 
-/// Whether the maps of all lights, and what is made of them, fit into bindings of at most `most` bytes.
+/// Whether the maps of all lights, and the tree over them where one is made, fit into one binding of at most `most` bytes
+/// each.
 ///
 /// # Errors
 /// `Settings`.
 pub fn check(settings: &Settings, snapshot: &Snapshot, most: u64) -> Result<()> {
     let resolution = settings.int("rsm_resolution");
-    let sides: u64 = snapshot.area_lights.iter().map(|l| 1 + u64::from(l.two_sided)).sum();
-    let maps = sides + snapshot.spot_lights.len() as u64;
-    let tree = ["clustered", "hierarchical"].iter().any(|indirect| settings.is("indirect", indirect));
-    let texel = if tree || settings.is("vpl_pattern", "importance") {
-        size_of::<VirtualLight>() * 4 / 3 + 1
-    } else {
-        RSM_ROWS * size_of::<[f32; 4]>()
-    };
-    let bytes = maps * u64::from(resolution) * u64::from(resolution) * texel as u64;
+    let areas = snapshot.area_lights.iter().filter(|light| light.mean_radiance().max_element() > 0.0);
+    let spots = snapshot.spot_lights.iter().filter(|light| light.intensity.max_element() > 0.0);
+    let maps = areas.map(|light| 1 + usize::from(light.two_sided)).sum::<usize>() + spots.count();
+    let texels = maps * resolution as usize * resolution as usize;
+    let with_tree = ["clustered", "hierarchical"].iter().any(|indirect| settings.is("indirect", indirect))
+        || settings.is("vpl_pattern", "importance");
+    let nodes = if with_tree { level_first(resolution.trailing_zeros() + 1, maps) } else { 0 };
+    let bytes = (texels * RSM_ROWS * size_of::<[f32; 4]>()).max(nodes * size_of::<VirtualLight>()) as u64;
     if bytes <= most {
         return Ok(());
     }
     Err(Error::Settings(format!(
-        "rsm_resolution={resolution} makes {maps} maps for the lights of this scene, {bytes} bytes; this adapter allows \
-         {most} (max_storage_buffer_binding_size)"
+        "rsm_resolution={resolution} makes {maps} reflective shadow maps for the lights of this scene, {bytes} bytes in one \
+         binding; this adapter allows {most} (max_storage_buffer_binding_size)"
     )))
 }
 
-/// The map or maps of a light; none where it is dark.
-fn maps_of(context: &Context<'_, '_>, light: usize, first: u32) -> Vec<RsmMap> {
-    let rows = &context.prepared.light_rows[light * LIGHT_ROWS..][..LIGHT_ROWS];
-    if rows[RADIANCE_ROW][..3].iter().all(|&channel| channel <= 0.0) {
-        return Vec::new();
-    }
-    let xyz = |row: usize| [rows[row][0], rows[row][1], rows[row][2]];
-    let (settings, cos_cutoff) = (context.settings, rows[4][3]);
-    let spot = light >= context.prepared.area_lights;
-    let longer = Vec3::from(xyz(1)).length().max(Vec3::from(xyz(2)).length());
-    let map = RsmMap {
-        origin: xyz(0),
-        kind: u32::from(!spot),
-        axis: xyz(3),
-        tan_half: if spot { (1.0 / (cos_cutoff * cos_cutoff) - 1.0).max(0.0).sqrt() } else { 0.0 },
-        edge_u: if spot { [0.0; 3] } else { xyz(1) },
-        cos_cutoff,
-        edge_v: if spot { [0.0; 3] } else { xyz(2) },
-        offset: if spot { 0.0 } else { OFFSET * longer },
-        tiles: if spot { 1 } else { tiles(settings) },
-        resolution: settings.int("rsm_resolution"),
-        equal: u32::from(settings.is("rsm_solid_angle", "equal")),
-        map: first,
-    };
-    let back = RsmMap { axis: map.axis.map(|x| -x), map: first + 1, ..map };
-    if !spot && rows[1][3] != 0.0 { vec![map, back] } else { vec![map] }
+/// A light's table row without its fourth number.
+fn xyz(row: [f32; 4]) -> [f32; 3] {
+    [row[0], row[1], row[2]]
 }
 
-/// Makes the maps of all lights that shine.
+fn spot_map(context: &Context<'_, '_>, light: usize) -> RsmMap {
+    let rows = &context.prepared.light_rows[light * LIGHT_ROWS..][..LIGHT_ROWS];
+    let cos = f64::from(rows[4][3]);
+    let tan2 = (1.0 - cos) * (1.0 + cos) / (cos * cos);
+    let resolution = context.settings.int("rsm_resolution");
+    let equal = context.settings.is("rsm_solid_angle", "equal");
+    // A square frustum's solid angle, shared by its texels [NSW09 Eq. 4].
+    let share = 4.0 * (tan2 / (1.0 + tan2)).asin() / (f64::from(resolution) * f64::from(resolution));
+    RsmMap {
+        origin: xyz(rows[0]),
+        kind: 0,
+        axis: xyz(rows[3]),
+        tan_half: tan2.sqrt() as f32,
+        cos_cutoff: rows[4][3],
+        tiles: 1,
+        resolution,
+        equal: if equal { share as f32 } else { 0.0 },
+        ..RsmMap::zeroed()
+    }
+}
+
+fn area_map(context: &Context<'_, '_>, light: usize, tiles: u32) -> RsmMap {
+    let [origin, edge_u, edge_v] = light_samples::edges(context, light);
+    let [length_u, length_v] = light_samples::lengths(context, light);
+    RsmMap {
+        origin,
+        kind: 1,
+        axis: xyz(context.prepared.light_rows[light * LIGHT_ROWS + 3]),
+        edge_u,
+        edge_v,
+        offset: (OFFSET * length_u.max(length_v)) as f32,
+        tiles,
+        resolution: context.settings.int("rsm_resolution"),
+        ..RsmMap::zeroed()
+    }
+}
+
+/// The maps, and whose each is.
+fn maps_of(context: &Context<'_, '_>, tiles: u32) -> Vec<(RsmMap, usize)> {
+    let mut maps = Vec::new();
+    for light in 0..context.prepared.lights {
+        let rows = &context.prepared.light_rows[light * LIGHT_ROWS..][..LIGHT_ROWS];
+        if rows[RADIANCE_ROW][..3].iter().all(|&channel| channel <= 0.0) {
+            continue;
+        }
+        if light >= context.prepared.area_lights {
+            maps.push((spot_map(context, light), light));
+            continue;
+        }
+        let front = area_map(context, light, tiles);
+        maps.push((front, light));
+        if rows[1][3] != 0.0 {
+            maps.push((RsmMap { axis: front.axis.map(|x| -x), ..front }, light));
+        }
+    }
+    maps.iter_mut().zip(0..).for_each(|((map, _), number)| map.map = number);
+    maps
+}
+
+/// What the parts of each light emit, `stride` places a map: a spot's intensity, or radiance times area of a tile's part.
+fn emitted(context: &mut Context<'_, '_>, maps: &[(RsmMap, usize)], stride: usize) -> Result<Buffer<[f32; 4]>> {
+    let to = context.resources.buffer("rsm_emitted", maps.len() * stride)?;
+    let gpu = context.recorder.gpu().clone();
+    for (number, (map, light)) in maps.iter().enumerate() {
+        let first = number * stride;
+        if map.kind == 1 {
+            light_samples::parts(context, *light, map.tiles, to.range(&gpu, first..first + stride)?)?;
+        } else {
+            to.write(&gpu, first, &[context.prepared.light_rows[light * LIGHT_ROWS + RADIANCE_ROW]])?;
+        }
+    }
+    Ok(to)
+}
+
+/// Makes the maps of all lights that emit anything.
 ///
 /// # Errors
 /// Those of the device; `Cancelled`.
 pub fn record(context: &mut Context<'_, '_>) -> Result<Rsm> {
     let resolution = context.settings.int("rsm_resolution");
-    let mut maps: Vec<RsmMap> = Vec::new();
-    let mut lights = Vec::new();
-    for light in 0..context.prepared.lights {
-        let own = maps_of(context, light, maps.len() as u32);
-        lights.extend(own.iter().map(|_| light));
-        maps.extend(own);
-    }
-    let texels = resolution as usize * resolution as usize;
-    let table = context.resources.buffer("rsm_maps", maps.len().max(1))?;
+    let tiles = context.settings.int("rsm_light_points").isqrt().min(resolution / TILE_TEXELS).max(1);
+    let owned = maps_of(context, tiles);
+    let stride = PLACES.max((tiles * tiles) as usize);
+    let from = emitted(context, &owned, stride)?;
+    let maps: Vec<RsmMap> = owned.iter().map(|(map, _)| *map).collect();
+    let table = context.resources.buffer("rsm_maps", maps.len())?;
     table.write(context.recorder.gpu(), 0, &maps)?;
-    let rsm = Rsm {
-        table,
-        resolution,
-        texels: context.resources.buffer("rsm_texels", (RSM_ROWS * texels * maps.len()).max(1))?,
-        maps,
-    };
-    for (map, light) in rsm.maps.iter().zip(lights) {
-        trace(context, &rsm, map, light)?;
-    }
+    let count = maps.len() * resolution as usize * resolution as usize;
+    let texels = context.resources.buffer("rsm_texels", RSM_ROWS * count)?;
+    let rsm = Rsm { maps, table, resolution, texels };
+    trace(context, &rsm, count, &from, stride as u32)?;
     Ok(rsm)
 }
 
-fn trace(context: &mut Context<'_, '_>, rsm: &Rsm, map: &RsmMap, light: usize) -> Result<()> {
-    let radiance = light_samples::radiance_of(context, light, [map.tiles; 2], "rsm_radiance")?;
-    let features = [("FEATURES", context.prepared.features().into())];
+fn trace(
+    context: &mut Context<'_, '_>,
+    rsm: &Rsm,
+    texels: usize,
+    emitted: &Buffer<[f32; 4]>,
+    stride: u32,
+) -> Result<()> {
+    let features = context.prepared.features();
     let make = context.kernel("lights/rsm_rays", "main")?;
-    let store = context.kernel_with("lights/rsm_rays", "store", &features)?;
-    let texels = rsm.resolution as usize * rsm.resolution as usize;
+    let store = context.kernel_with("lights/rsm_rays", "store", &[("FEATURES", features.into())])?;
     let len = RAYS.min(texels);
     let rays: Buffer<Ray> = context.resources.buffer("rsm_rays", len)?;
     let hits: Buffer<Hit> = context.resources.buffer("rsm_hits", len)?;
-    for first in (0..texels).step_by(len) {
+    let scene = context.scene;
+    for first in (0..texels).step_by(len.max(1)) {
         let count = len.min(texels - first);
-        let start = [first as u32, 0, 0, 0];
-        let pass = context.recorder.pass("rsm_rays", &make).uniform("map", map).uniform("first", &start);
-        pass.bind("rays", &rays).dispatch(count)?;
+        let params = RsmParams { first: first as u32, stride, pad0: 0, pad1: 0 };
+        let pass = context.recorder.pass("rsm_rays", &make).uniform("params", &params);
+        pass.bind("maps", &rsm.table).bind("rays", &rays).dispatch(count)?;
         context.rays += context.tracer.closest(context.recorder, "rsm_trace", &rays, &hits, 0..count)?;
-        let scene = context.scene;
-        let pass = context.recorder.pass("rsm_rays", &store).uniform("map", map).uniform("first", &start);
-        let pass = pass.bind("hits", &hits).bind("radiance", &radiance).bind("geometry", scene.geometry()?);
-        let pass = pass.bind("instances", scene.instances()?).bind("texels", scene.texels()?);
-        pass.bind("rsm_texels", &rsm.texels).dispatch(count)?;
+        let pass = context.recorder.pass("rsm_rays", &store).uniform("params", &params);
+        let pass = pass.bind("maps", &rsm.table).bind("emitted", emitted).bind("hits", &hits);
+        let pass = pass.bind("rsm_texels", &rsm.texels).bind("geometry", scene.geometry()?);
+        pass.bind("instances", scene.instances()?).bind("texels", scene.texels()?).dispatch(count)?;
     }
     Ok(())
 }

@@ -32,8 +32,8 @@ pub struct RsmMap {
     pub tiles: u32,
     /// Texels along an edge of the map.
     pub resolution: u32,
-    /// 1: every texel of a spot's frustum has the same solid angle.
-    pub equal: u32,
+    /// Spot: solid angle that every texel is given; 0: each its own.
+    pub equal: f32,
     /// Its number.
     pub map: u32,
 }

@@ -1,8 +1,8 @@
-//! A regular grid of virtual lights over each map.
+//! Virtual lights on a regular grid over each reflective shadow map [NW09 Sec. 3.1].
 
 use bytemuck::{Pod, Zeroable};
 
-use super::virtual_light::{Rsm, RsmMap, VirtualLights};
+use super::virtual_light::{Rsm, VirtualLights};
 use crate::error::Result;
 use crate::passes::Context;
 
@@ -10,39 +10,51 @@ use crate::passes::Context;
 #[repr(C)]
 #[derive(Debug, Clone, Copy, Pod, Zeroable)]
 pub struct VplGridParams {
-    /// Which map.
-    pub map: u32,
-    /// Virtual lights along an edge of it.
-    pub side: u32,
-    /// Place of its first in the list.
-    pub first: u32,
-    /// Texels along an edge of it.
+    /// Texels along an edge of a map.
     pub resolution: u32,
+    /// Lights along an edge of a map.
+    pub across: u32,
+    /// Map of the first light.
+    pub first_map: u32,
+    /// Its place in the list.
+    pub first_light: u32,
 }
 
-/// Virtual lights along an edge of a map, so that there are `wanted` or more and none lies across the border of two tiles.
-fn side(wanted: u32, map: &RsmMap) -> u32 {
-    let root: u32 = (1_u32..).find(|side| u64::from(*side) * u64::from(*side) >= u64::from(wanted)).unwrap_or(1);
-    root.next_multiple_of(map.tiles).min(map.resolution)
+/// Lights along an edge of a map for at least `vpls` of them: no block crosses the border of a tile, because as many lie
+/// in each, and none is smaller than a texel.
+fn across(vpls: u32, resolution: u32, tiles: u32) -> u32 {
+    let root = vpls.isqrt();
+    let up = root + u32::from(root * root < vpls);
+    up.min(resolution).next_multiple_of(tiles.max(1)).min(resolution)
 }
 
-/// The packed list of all maps.
+/// Makes the list; lights without flux stay in it.
 ///
 /// # Errors
 /// Those of the device.
 pub fn record(context: &mut Context<'_, '_>, rsm: &Rsm) -> Result<VirtualLights> {
-    let wanted = context.settings.int("vpls");
-    let sides: Vec<u32> = rsm.maps.iter().map(|map| side(wanted, map)).collect();
-    let count = sides.iter().map(|&side| side as usize * side as usize).sum();
-    let lights = context.resources.buffer("virtual_lights", std::cmp::max(count, 1))?;
+    let vpls = context.settings.int("vpls");
+    // Maps of area lights come before those of spots; all of a kind are alike.
+    let areas = rsm.maps.iter().filter(|map| map.kind != 0).count();
+    let mut parts = Vec::new();
+    let mut count = 0;
+    for maps in [0..areas, areas..rsm.maps.len()].into_iter().filter(|maps| !maps.is_empty()) {
+        let across = across(vpls, rsm.resolution, rsm.maps[maps.start].tiles);
+        let params = VplGridParams {
+            resolution: rsm.resolution,
+            across,
+            first_map: maps.start as u32,
+            first_light: count as u32,
+        };
+        let lights = maps.len() * across as usize * across as usize;
+        parts.push((params, lights));
+        count += lights;
+    }
+    let lights = context.resources.buffer("vpls", count)?;
     let kernel = context.kernel("lights/vpl_grid", "main")?;
-    let mut first = 0;
-    for (map, side) in sides.into_iter().enumerate() {
-        let params = VplGridParams { map: map as u32, side, first, resolution: rsm.resolution };
+    for (params, lights_of) in parts {
         let pass = context.recorder.pass("vpl_grid", &kernel).uniform("params", &params);
-        let pass = pass.bind("rsm_texels", &rsm.texels).bind("virtual_lights", &lights);
-        pass.dispatch((side * side) as usize)?;
-        first += side * side;
+        pass.bind("rsm_texels", &rsm.texels).bind("vpls", &lights).dispatch(lights_of)?;
     }
     Ok(VirtualLights { lights, count })
 }
@@ -52,9 +64,13 @@ mod tests {
     use super::*;
 
     #[test]
-    fn sides_hold_what_is_wanted_and_never_cross_tiles() {
-        let map = |tiles| RsmMap { tiles, resolution: 64, ..RsmMap::zeroed() };
-        assert_eq!([1, 2, 256, 257, 1 << 20].map(|wanted| side(wanted, &map(1))), [1, 2, 16, 17, 64]);
-        assert_eq!([1, 10, 256].map(|wanted| side(wanted, &map(4))), [4, 4, 16]);
+    fn blocks_fill_tiles_and_are_no_smaller_than_texels() {
+        assert_eq!(across(256, 256, 1), 16);
+        assert_eq!(across(257, 256, 1), 17);
+        assert_eq!(across(1, 256, 1), 1);
+        assert_eq!(across(1, 256, 4), 4);
+        assert_eq!(across(25, 256, 4), 8);
+        assert_eq!(across(1_048_576, 64, 4), 64);
+        assert_eq!(across(63 * 63, 64, 8), 64);
     }
 }

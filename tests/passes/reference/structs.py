@@ -152,32 +152,6 @@ LIGHT_FRAME = np.dtype(
 )
 TILE_BOUNDS = np.dtype([("lo", "<f4", 3), ("facing", "<u4"), ("hi", "<f4", 3), ("pad", "<u4")])
 COMPOSITE = np.dtype(_fields("direct", "indirect", "pad0", "pad1"))
-RSM_MAP = np.dtype(
-    [
-        ("origin", "<f4", 3),
-        ("kind", "<u4"),
-        ("axis", "<f4", 3),
-        ("tan_half", "<f4"),
-        ("edge_u", "<f4", 3),
-        ("cos_cutoff", "<f4"),
-        ("edge_v", "<f4", 3),
-        ("offset", "<f4"),
-        *_fields("tiles", "resolution", "equal", "map"),
-    ]
-)
-VIRTUAL_LIGHT = np.dtype(
-    [
-        ("position", "<f4", 3),
-        ("area", "<f4"),
-        ("normal", "<f4", 3),
-        ("radius", "<f4"),
-        ("flux", "<f4", 3),
-        ("solid_angle", "<f4"),
-        ("spread", "<f4"),
-        ("thickness", "<f4"),
-        *_fields("block", "extent"),
-    ]
-)
 CUT = np.dtype(
     [
         *_fields("roots", "coarsest", "finest", "maps", "bound"),
@@ -267,6 +241,36 @@ INCREMENTAL = np.dtype(
         *_fields("pad0", "pad1", "pad2"),
     ]
 )
+RSM_MAP = np.dtype(
+    [
+        ("origin", "<f4", 3),
+        ("kind", "<u4"),
+        ("axis", "<f4", 3),
+        ("tan_half", "<f4"),
+        ("edge_u", "<f4", 3),
+        ("cos_cutoff", "<f4"),
+        ("edge_v", "<f4", 3),
+        ("offset", "<f4"),
+        *_fields("tiles", "resolution"),
+        ("equal", "<f4"),
+        *_fields("map"),
+    ]
+)
+VIRTUAL_LIGHT = np.dtype(
+    [
+        ("position", "<f4", 3),
+        ("area", "<f4"),
+        ("normal", "<f4", 3),
+        ("radius", "<f4"),
+        ("flux", "<f4", 3),
+        ("solid_angle", "<f4"),
+        ("spread", "<f4"),
+        ("thickness", "<f4"),
+        *_fields("block", "extent"),
+    ]
+)
+RSM = np.dtype(_fields("first", "stride", "pad0", "pad1"))
+VPL_GRID = np.dtype(_fields("resolution", "across", "first_map", "first_light"))
 DOWNSAMPLE = np.dtype(_fields("width", "height", "factor", "pad"))
 
 

@@ -1,8 +1,11 @@
-//! Twins of the passes that work level by level, and of lobes.
+//! Twins of the passes that work level by level, of virtual lights and of lobes.
 
 use miplight::gpu::layout::Layout;
 use miplight::host_layout;
 use miplight::passes::gather::interleaved::InterleavedParams;
+use miplight::passes::lights::rsm_rays::RsmParams;
+use miplight::passes::lights::virtual_light::{RsmMap, VirtualLight};
+use miplight::passes::lights::vpl_grid::VplGridParams;
 use miplight::passes::lobes::lobe_ask::LobeAskParams;
 use miplight::passes::lobes::lobe_gather::LobeGatherParams;
 use miplight::passes::lobes::lobe_levels::LobeLevelsParams;
@@ -25,6 +28,7 @@ pub(crate) fn twins() -> Vec<(Layout, &'static str, &'static str)> {
     let guard = host_layout!(StopGuardParams { first, hard, pad1, pad2 });
     let extra = host_layout!(ExtraSamplesParams { patterns, seed, pad0, pad1 });
     let mut all = lobes();
+    all.extend(virtual_lights());
     all.extend(vec![
         (nodes, "passes/refine/nodes", "NodesParams"),
         (reuse(), "common/facing_bits", "ReuseParams"),
@@ -35,6 +39,43 @@ pub(crate) fn twins() -> Vec<(Layout, &'static str, &'static str)> {
         (incremental, "passes/refine/incremental", "IncrementalParams"),
     ]);
     all
+}
+
+fn virtual_lights() -> Vec<(Layout, &'static str, &'static str)> {
+    let map = host_layout!(RsmMap {
+        origin,
+        kind,
+        axis,
+        tan_half,
+        edge_u,
+        cos_cutoff,
+        edge_v,
+        offset,
+        tiles,
+        resolution,
+        equal,
+        map
+    });
+    let light = host_layout!(VirtualLight {
+        position,
+        area,
+        normal,
+        radius,
+        flux,
+        solid_angle,
+        spread,
+        thickness,
+        block,
+        extent
+    });
+    let rays = host_layout!(RsmParams { first, stride, pad0, pad1 });
+    let regular = host_layout!(VplGridParams { resolution, across, first_map, first_light });
+    vec![
+        (map, "common/rsm", "RsmMap"),
+        (light, "common/virtual_light", "VirtualLight"),
+        (rays, "passes/lights/rsm_rays", "RsmParams"),
+        (regular, "passes/lights/vpl_grid", "VplGridParams"),
+    ]
 }
 
 fn lobes() -> Vec<(Layout, &'static str, &'static str)> {
