@@ -88,7 +88,8 @@ impl Rsm {
 pub struct Tree {
     /// Nodes.
     pub nodes: Buffer<VirtualLight>,
-    /// Two rows a node: xyz least normal, w least distance from the light | xyz largest normal, w largest distance.
+    /// Two rows a node: xyz least normal, w least distance from the light | xyz largest normal, w largest distance, of
+    /// texels with flux; that distance is `RSM_FAR` where one of its texels lies in the light and sees no surface.
     pub ranges: Buffer<[f32; 4]>,
 }
 

@@ -262,6 +262,7 @@ VIRTUAL_LIGHT = np.dtype(
     ]
 )
 RSM = np.dtype(_fields("first", "stride", "pad0", "pad1"))
+RSM_TREE = np.dtype(_fields("level", "finest", "maps", "pad"))
 VPL_GRID = np.dtype(_fields("resolution", "across", "first_map", "first_light"))
 DOWNSAMPLE = np.dtype(_fields("width", "height", "factor", "pad"))
 

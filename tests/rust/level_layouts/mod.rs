@@ -4,6 +4,7 @@ use miplight::gpu::layout::Layout;
 use miplight::host_layout;
 use miplight::passes::gather::interleaved::InterleavedParams;
 use miplight::passes::lights::rsm_rays::RsmParams;
+use miplight::passes::lights::rsm_tree::RsmTreeParams;
 use miplight::passes::lights::virtual_light::{RsmMap, VirtualLight};
 use miplight::passes::lights::vpl_grid::VplGridParams;
 use miplight::passes::lobes::lobe_ask::LobeAskParams;
@@ -69,11 +70,13 @@ fn virtual_lights() -> Vec<(Layout, &'static str, &'static str)> {
         extent
     });
     let rays = host_layout!(RsmParams { first, stride, pad0, pad1 });
+    let tree = host_layout!(RsmTreeParams { level, finest, maps, pad });
     let regular = host_layout!(VplGridParams { resolution, across, first_map, first_light });
     vec![
         (map, "common/rsm", "RsmMap"),
         (light, "common/virtual_light", "VirtualLight"),
         (rays, "passes/lights/rsm_rays", "RsmParams"),
+        (tree, "passes/lights/rsm_tree", "RsmTreeParams"),
         (regular, "passes/lights/vpl_grid", "VplGridParams"),
     ]
 }
