@@ -6,3 +6,4 @@ pub mod rsm_tree;
 pub mod virtual_light;
 pub mod vpl_clusters;
 pub mod vpl_grid;
+pub mod vpl_importance;

@@ -272,6 +272,7 @@ VPL_CLUSTERS = np.dtype(
         *_fields("pad0", "pad1"),
     ]
 )
+VPL_IMPORTANCE = np.dtype(_fields("count", "maps", "finest", "seed"))
 VPL_GRID = np.dtype(_fields("resolution", "across", "first_map", "first_light"))
 DOWNSAMPLE = np.dtype(_fields("width", "height", "factor", "pad"))
 

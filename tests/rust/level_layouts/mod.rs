@@ -8,6 +8,7 @@ use miplight::passes::lights::rsm_tree::RsmTreeParams;
 use miplight::passes::lights::virtual_light::{RsmMap, VirtualLight};
 use miplight::passes::lights::vpl_clusters::VplClustersParams;
 use miplight::passes::lights::vpl_grid::VplGridParams;
+use miplight::passes::lights::vpl_importance::VplImportanceParams;
 use miplight::passes::lobes::lobe_ask::LobeAskParams;
 use miplight::passes::lobes::lobe_gather::LobeGatherParams;
 use miplight::passes::lobes::lobe_levels::LobeLevelsParams;
@@ -86,6 +87,7 @@ fn virtual_lights() -> Vec<(Layout, &'static str, &'static str)> {
         pad0,
         pad1
     });
+    let dense = host_layout!(VplImportanceParams { count, maps, finest, seed });
     let regular = host_layout!(VplGridParams { resolution, across, first_map, first_light });
     vec![
         (map, "common/rsm", "RsmMap"),
@@ -93,6 +95,7 @@ fn virtual_lights() -> Vec<(Layout, &'static str, &'static str)> {
         (rays, "passes/lights/rsm_rays", "RsmParams"),
         (tree, "passes/lights/rsm_tree", "RsmTreeParams"),
         (clusters, "passes/lights/vpl_clusters", "VplClustersParams"),
+        (dense, "passes/lights/vpl_importance", "VplImportanceParams"),
         (regular, "passes/lights/vpl_grid", "VplGridParams"),
     ]
 }
