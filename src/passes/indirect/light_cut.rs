@@ -6,7 +6,8 @@ use super::form;
 use crate::error::Result;
 use crate::gpu::Buffer;
 use crate::passes::Context;
-use crate::passes::lights::virtual_light::{Rsm, Tree, VirtualLights, cut_levels};
+use crate::passes::lights::virtual_light::{Rsm, Tree, VirtualLights};
+use crate::passes::lights::vpl_clusters;
 use crate::passes::visibility::Receiver;
 use crate::settings::Settings;
 
@@ -53,7 +54,10 @@ pub fn reach(settings: &Settings) -> f32 {
 impl CutParams {
     /// Of a tree, as the settings say.
     pub fn of_tree(settings: &Settings, rsm: &Rsm) -> Self {
-        let [coarsest, finest] = cut_levels(settings, rsm);
+        // No cluster crosses the tiles of any map.
+        let tiles = rsm.maps.iter().map(|map| map.tiles).max().unwrap_or(1);
+        let [wanted, most] = ["coarsest_vpls", "vpls"].map(|name| settings.int(name));
+        let (coarsest, finest) = vpl_clusters::levels(wanted, most, rsm.finest(), tiles).into_inner();
         let maps = rsm.maps.len() as u32;
         let bound = ["paper", "contribution", "error"].iter().position(|b| settings.is("light_cut_bound", b));
         Self {

@@ -1,4 +1,4 @@
-//! The tree over the texels of all maps.
+//! The tree over the texels of reflective shadow maps [NSW09 Sec. 3.5].
 
 use bytemuck::{Pod, Zeroable};
 
@@ -10,37 +10,36 @@ use crate::passes::Context;
 #[repr(C)]
 #[derive(Debug, Clone, Copy, Pod, Zeroable)]
 pub struct RsmTreeParams {
-    /// Maps.
-    pub maps: u32,
-    /// Level that is made.
+    /// The level that is made.
     pub level: u32,
-    /// Level of the texels.
+    /// That of texels.
     pub finest: u32,
+    /// How many maps there are.
+    pub maps: u32,
     /// Unused.
     pub pad: u32,
 }
 
-/// Makes all levels from the texels up to one node a map.
+/// Builds the tree, from texels up to whole maps.
 ///
 /// # Errors
 /// Those of the device.
 pub fn record(context: &mut Context<'_, '_>, rsm: &Rsm) -> Result<Tree> {
-    let (maps, finest) = (rsm.maps.len(), rsm.finest());
-    let count = level_first(finest + 1, maps).max(1);
+    let (finest, maps) = (rsm.finest(), rsm.maps.len());
+    let all = level_first(finest + 1, maps);
     let tree = Tree {
-        nodes: context.resources.buffer("vpl_tree", count)?,
-        ranges: context.resources.buffer("vpl_tree_ranges", 2 * count)?,
+        nodes: context.resources.buffer("rsm_nodes", all)?,
+        ranges: context.resources.buffer("rsm_ranges", 2 * all)?,
     };
-    let params = RsmTreeParams { maps: maps as u32, level: finest, finest, pad: 0 };
-    let kernel = context.kernel("lights/rsm_tree", "leaves")?;
-    let pass = context.recorder.pass("rsm_tree", &kernel).uniform("params", &params);
-    let pass = pass.bind("maps", &rsm.table);
-    let pass = pass.bind("rsm_texels", &rsm.texels).bind("nodes", &tree.nodes).bind("ranges", &tree.ranges);
-    pass.dispatch(maps << (2 * finest))?;
-    let kernel = context.kernel("lights/rsm_tree", "reduce")?;
-    for level in (0..finest).rev() {
-        let params = RsmTreeParams { level, ..params };
-        let pass = context.recorder.pass("rsm_tree", &kernel).uniform("params", &params);
+    let leaves = context.kernel("lights/rsm_tree", "leaves")?;
+    let reduce = context.kernel("lights/rsm_tree", "reduce")?;
+    for level in (0..=finest).rev() {
+        let params = RsmTreeParams { level, finest, maps: maps as u32, pad: 0 };
+        let kernel = if level == finest { &leaves } else { &reduce };
+        let mut pass = context.recorder.pass("rsm_tree", kernel).uniform("params", &params);
+        if level == finest {
+            pass = pass.bind("maps", &rsm.table).bind("rsm_texels", &rsm.texels);
+        }
         pass.bind("nodes", &tree.nodes).bind("ranges", &tree.ranges).dispatch(maps << (2 * level))?;
     }
     Ok(tree)

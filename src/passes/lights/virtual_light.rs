@@ -3,7 +3,6 @@
 use bytemuck::{Pod, Zeroable};
 
 use crate::gpu::Buffer;
-use crate::settings::Settings;
 
 /// Rows of a texel; twin of `RSM_ROWS` in `shaders/common/rsm.wgsl`.
 pub const RSM_ROWS: usize = 3;
@@ -89,7 +88,8 @@ impl Rsm {
 pub struct Tree {
     /// Nodes.
     pub nodes: Buffer<VirtualLight>,
-    /// Two rows a node: xyz least normal, w least distance from the light | xyz largest normal, w largest distance.
+    /// Two rows a node: xyz least normal, w least distance from the light | xyz largest normal, w largest distance, of
+    /// texels with flux; that distance is `RSM_FAR` where one of its texels lies in the light and sees no surface.
     pub ranges: Buffer<[f32; 4]>,
 }
 
@@ -105,27 +105,4 @@ pub struct VirtualLights {
     pub lights: Buffer<VirtualLight>,
     /// How many there are.
     pub count: usize,
-}
-
-/// Level whose nodes are `lights` a map or more; at most `finest`.
-pub fn level_of(lights: u32, finest: u32) -> u32 {
-    (0..finest).find(|level| 1_u64 << (2 * level) >= u64::from(lights)).unwrap_or(finest)
-}
-
-/// Levels of the largest and the smallest clusters, as the settings say; none crosses the tiles of an area light's map.
-pub fn cut_levels(settings: &Settings, rsm: &Rsm) -> [u32; 2] {
-    let tiles = rsm.maps.iter().map(|map| map.tiles).max().unwrap_or(1).next_power_of_two().trailing_zeros();
-    let finest = level_of(settings.int("vpls"), rsm.finest()).max(tiles);
-    [level_of(settings.int("coarsest_vpls"), finest).max(tiles), finest]
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn levels_hold_at_least_what_is_asked() {
-        assert_eq!([1, 2, 4, 5, 256, 257, 1 << 20].map(|lights| level_of(lights, 8)), [0, 1, 1, 2, 4, 5, 8]);
-        assert_eq!([0, 1, 2].map(|level| level_first(level, 3)), [0, 3, 15]);
-    }
 }

@@ -57,7 +57,7 @@ def test_lights_are_those_of_their_blocks(
 
 
 def test_nothing_is_lost(runner: Runner, rng: np.random.Generator) -> None:
-    """However the map is divided, the lights have the flux, the area and the solid angle of all its texels."""
+    """However the map is divided, the lights have the flux, area and solid angle of all its texels."""
     texels = random_texels(rng, 2, 64)
     for across in (1, 7, 16, 64):
         found = _run(runner, texels, across)

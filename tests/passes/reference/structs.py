@@ -270,6 +270,17 @@ VIRTUAL_LIGHT = np.dtype(
     ]
 )
 RSM = np.dtype(_fields("first", "stride", "pad0", "pad1"))
+RSM_TREE = np.dtype(_fields("level", "finest", "maps", "pad"))
+VPL_CLUSTERS = np.dtype(
+    [
+        *_fields("first", "maps", "first_spot", "by_range"),
+        *_fields("coarsest_area", "finest_area", "coarsest_spot", "finest_spot"),
+        ("depth_threshold", "<f4"),
+        ("normal_threshold", "<f4"),
+        *_fields("pad0", "pad1"),
+    ]
+)
+VPL_IMPORTANCE = np.dtype(_fields("count", "maps", "finest", "seed"))
 VPL_GRID = np.dtype(_fields("resolution", "across", "first_map", "first_light"))
 DOWNSAMPLE = np.dtype(_fields("width", "height", "factor", "pad"))
 

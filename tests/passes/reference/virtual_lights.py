@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -14,7 +15,7 @@ Array = NDArray[np.float64]
 
 
 def random_texels(rng: np.random.Generator, maps: int, resolution: int, dark: float = 0.3) -> Array:
-    """Rows of texels (maps, row, column, 3, 4) of a bumpy ground below the light; some see nothing or black."""
+    """Rows of texels (maps, row, column, 3, 4) of a bumpy ground; some see nothing or black."""
     shape = (maps, resolution, resolution)
     made = np.zeros((*shape, 3, 4))
     place = (np.arange(resolution) + 0.5) / resolution * 2 - 1
@@ -40,7 +41,7 @@ def random_texels(rng: np.random.Generator, maps: int, resolution: int, dark: fl
 def block_light(block: Array, number: int, place: tuple[int, int]) -> NDArray[Any]:
     """The light of a block (rows, columns, 3, 4) of map `number` whose first column and row are `place`."""
     height, width = block.shape[:2]
-    light = np.zeros((), _WIDE)
+    light = np.zeros((), WIDE)
     light["flux"], light["area"] = block[..., 2, :3].sum((0, 1)), block[..., 2, 3].sum()
     light["solid_angle"] = block[..., 1, 3].sum()
     light["normal"] = 0, 0, 1
@@ -68,13 +69,13 @@ def grid_lights(texels: Array, across: int, first_map: int = 0) -> NDArray[Any]:
     lights = [
         block_light(map_[y0:y1, x0:x1], first_map + number, (int(x0), int(y0)))
         for number, map_ in enumerate(texels)
-        for y0, y1 in zip(edges[:-1], edges[1:], strict=True)
-        for x0, x1 in zip(edges[:-1], edges[1:], strict=True)
+        for y0, y1 in pairwise(edges)
+        for x0, x1 in pairwise(edges)
     ]
     return np.stack(lights)
 
 
-_WIDE = np.dtype(
+WIDE = np.dtype(
     [
         (name, "<f8" if d[0].base.kind == "f" else "<u4", d[0].shape)
         for name, d in VIRTUAL_LIGHT.fields.items()

@@ -4,8 +4,11 @@ use miplight::gpu::layout::Layout;
 use miplight::host_layout;
 use miplight::passes::gather::interleaved::InterleavedParams;
 use miplight::passes::lights::rsm_rays::RsmParams;
+use miplight::passes::lights::rsm_tree::RsmTreeParams;
 use miplight::passes::lights::virtual_light::{RsmMap, VirtualLight};
+use miplight::passes::lights::vpl_clusters::VplClustersParams;
 use miplight::passes::lights::vpl_grid::VplGridParams;
+use miplight::passes::lights::vpl_importance::VplImportanceParams;
 use miplight::passes::lobes::lobe_ask::LobeAskParams;
 use miplight::passes::lobes::lobe_gather::LobeGatherParams;
 use miplight::passes::lobes::lobe_levels::LobeLevelsParams;
@@ -69,11 +72,30 @@ fn virtual_lights() -> Vec<(Layout, &'static str, &'static str)> {
         extent
     });
     let rays = host_layout!(RsmParams { first, stride, pad0, pad1 });
+    let tree = host_layout!(RsmTreeParams { level, finest, maps, pad });
+    let clusters = host_layout!(VplClustersParams {
+        first,
+        maps,
+        first_spot,
+        by_range,
+        coarsest_area,
+        finest_area,
+        coarsest_spot,
+        finest_spot,
+        depth_threshold,
+        normal_threshold,
+        pad0,
+        pad1
+    });
+    let dense = host_layout!(VplImportanceParams { count, maps, finest, seed });
     let regular = host_layout!(VplGridParams { resolution, across, first_map, first_light });
     vec![
         (map, "common/rsm", "RsmMap"),
         (light, "common/virtual_light", "VirtualLight"),
         (rays, "passes/lights/rsm_rays", "RsmParams"),
+        (tree, "passes/lights/rsm_tree", "RsmTreeParams"),
+        (clusters, "passes/lights/vpl_clusters", "VplClustersParams"),
+        (dense, "passes/lights/vpl_importance", "VplImportanceParams"),
         (regular, "passes/lights/vpl_grid", "VplGridParams"),
     ]
 }
