@@ -114,19 +114,52 @@ fn states_with(
     params: OnePassParams,
 ) -> Result<(Texels, Buffer<u32>)> {
     let pyramid = levels(context)?;
+    let (texels, state) = lit_states(context, gbuffer, pyramid, params)?;
+    if pyramid.coarsest > pyramid.finest && context.settings.is("refine", "iterative") {
+        iterative::record(context, &texels, &params, &state)?;
+    } else {
+        classify(context, &texels, &params, &state)?;
+    }
+    Ok((texels, state))
+}
+
+/// The same where every pixel that sees a surface is lit; of levels of the caller's, all texels of which are tested.
+///
+/// # Errors
+/// Those of the device.
+pub fn all_lit_states(
+    context: &mut Context<'_, '_>,
+    gbuffer: &GBuffer,
+    pyramid: Pyramid,
+) -> Result<(Texels, Buffer<u32>)> {
+    let params = OnePassParams { all_lit: 1, ..OnePassParams::new(context.settings, 0) };
+    let (texels, state) = lit_states(context, gbuffer, pyramid, params)?;
+    classify(context, &texels, &params, &state)?;
+    Ok((texels, state))
+}
+
+fn lit_states(
+    context: &mut Context<'_, '_>,
+    gbuffer: &GBuffer,
+    pyramid: Pyramid,
+    params: OnePassParams,
+) -> Result<(Texels, Buffer<u32>)> {
     let texels = pyramid::record(context, gbuffer, pyramid, params.needs_spreads())?;
     let state: Buffer<u32> = context.resources.buffer("texel_state", pyramid.texels())?;
     context.recorder.clear(&state)?;
     cull(context, gbuffer, &pyramid, params, &state)?;
-    if pyramid.coarsest > pyramid.finest && context.settings.is("refine", "iterative") {
-        iterative::record(context, &texels, &params, &state)?;
-    } else if pyramid.coarsest > pyramid.finest {
-        let kernel = context.kernel("refine/one_pass", "classify")?;
-        let pass = context.recorder.pass("one_pass", &kernel).uniform("params", &params).uniform("pyramid", &pyramid);
-        let pass = pass.uniform("view", &context.view).bind("means", &texels.means).bind("ranges", &texels.ranges);
-        pass.bind("spreads", &texels.spreads).bind("texel_state", &state).dispatch(pyramid.texels_above())?;
-    }
     Ok((texels, state))
+}
+
+fn classify(context: &mut Context<'_, '_>, texels: &Texels, params: &OnePassParams, state: &Buffer<u32>) -> Result<()> {
+    let pyramid = texels.pyramid;
+    if pyramid.coarsest <= pyramid.finest {
+        return Ok(());
+    }
+    let kernel = context.kernel("refine/one_pass", "classify")?;
+    let pass = context.recorder.pass("one_pass", &kernel).uniform("params", params).uniform("pyramid", &pyramid);
+    let pass = pass.uniform("view", &context.view).bind("means", &texels.means).bind("ranges", &texels.ranges);
+    pass.bind("spreads", &texels.spreads).bind("texel_state", state).dispatch(pyramid.texels_above())
 }
 
 /// Chooses the fragments of a frame and lists them.

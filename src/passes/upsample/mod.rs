@@ -7,6 +7,7 @@ pub mod nearest;
 pub mod rbf;
 pub mod rbf_paper;
 pub mod rbf_samples;
+pub mod vpl_pixels;
 
 use crate::error::Result;
 use crate::gpu::Buffer;

@@ -160,6 +160,20 @@ CUT = np.dtype(
         *_fields("rays", "seed", "maps_size", "reference", "pad"),
     ]
 )
+SHADED_POINT = np.dtype(
+    [
+        ("origin", "<f4", 3),
+        ("exponent", "<f4"),
+        ("normal_shade", "<f4", 3),
+        ("red", "<f4"),
+        ("normal_geo", "<f4", 3),
+        ("green", "<f4"),
+        ("mirror", "<f4", 3),
+        ("blue", "<f4"),
+    ]
+)
+VPL_POINTS = np.dtype([("lights", "<u4"), ("reach", "<f4"), ("threshold", "<f4"), ("pad", "<u4")])
+VPL_LISTS = np.dtype([*_fields("first", "count", "words", "lowest"), ("reach", "<f4"), ("pad", "<u4", 3)])
 FRAGMENT_RECEIVERS = np.dtype(_fields("first", "patterns", "seed", "pad"))
 PYRAMID = np.dtype(
     [("levels", "<u4", (17, 4)), *_fields("coarsest", "finest", "level"), ("pixel_width", "<f4")]

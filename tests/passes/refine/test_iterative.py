@@ -1,4 +1,4 @@
-"""`iterative`: only texels that rough ones were split into are tested; the fragments are those of one pass."""
+"""`iterative`: only what rough texels were split into is tested; the fragments are those of one pass."""
 
 from __future__ import annotations
 
