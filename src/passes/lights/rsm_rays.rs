@@ -2,8 +2,8 @@
 
 use bytemuck::{Pod, Zeroable};
 
-use super::light_samples;
 use super::virtual_light::{RSM_ROWS, Rsm, RsmMap, VirtualLight, level_first};
+use super::{light_samples, vpl_grid};
 use crate::error::{Error, Result};
 use crate::gpu::Buffer;
 use crate::passes::Context;
@@ -35,28 +35,42 @@ pub struct RsmParams {
     pub pad1: u32,
 }
 
-/// Whether the maps of all lights, and the tree over them where one is made, fit into one binding of at most `most` bytes
-/// each.
+/// Bytes of what is longest: the texels of the maps, the tree over them where one is made, the list of virtual lights.
+fn longest(settings: &Settings, maps: usize) -> usize {
+    let resolution = settings.int("rsm_resolution");
+    let clustered = ["clustered", "hierarchical"].iter().any(|indirect| settings.is("indirect", indirect));
+    let importance = settings.is("vpl_pattern", "importance");
+    let texels = maps * resolution as usize * resolution as usize;
+    let nodes = if clustered || importance { level_first(resolution.trailing_zeros() + 1, maps) } else { 0 };
+    let vpls = settings.int("vpls");
+    let across = vpl_grid::across(vpls, resolution, tiles(settings)) as usize;
+    let lights = maps * if importance { vpls as usize } else { across * across };
+    (texels * RSM_ROWS * size_of::<[f32; 4]>()).max(nodes.max(lights) * size_of::<VirtualLight>())
+}
+
+/// Whether the maps of all lights, and what is made of them, fit into bindings of at most `most` bytes each.
 ///
 /// # Errors
 /// `Settings`.
 pub fn check(settings: &Settings, snapshot: &Snapshot, most: u64) -> Result<()> {
-    let resolution = settings.int("rsm_resolution");
     let areas = snapshot.area_lights.iter().filter(|light| light.mean_radiance().max_element() > 0.0);
     let spots = snapshot.spot_lights.iter().filter(|light| light.intensity.max_element() > 0.0);
     let maps = areas.map(|light| 1 + usize::from(light.two_sided)).sum::<usize>() + spots.count();
-    let texels = maps * resolution as usize * resolution as usize;
-    let with_tree = ["clustered", "hierarchical"].iter().any(|indirect| settings.is("indirect", indirect))
-        || settings.is("vpl_pattern", "importance");
-    let nodes = if with_tree { level_first(resolution.trailing_zeros() + 1, maps) } else { 0 };
-    let bytes = (texels * RSM_ROWS * size_of::<[f32; 4]>()).max(nodes * size_of::<VirtualLight>()) as u64;
+    let bytes = longest(settings, maps) as u64;
     if bytes <= most {
         return Ok(());
     }
+    let (resolution, vpls) = (settings.int("rsm_resolution"), settings.int("vpls"));
     Err(Error::Settings(format!(
-        "rsm_resolution={resolution} makes {maps} reflective shadow maps for the lights of this scene, {bytes} bytes in one \
-         binding; this adapter allows {most} (max_storage_buffer_binding_size)"
+        "rsm_resolution={resolution} with vpls={vpls} and {maps} reflective shadow maps for the lights of this scene needs \
+         {bytes} bytes in one binding; this adapter allows {most} (max_storage_buffer_binding_size)"
     )))
+}
+
+/// Tiles along an edge of an area light's map.
+fn tiles(settings: &Settings) -> u32 {
+    let most = settings.int("rsm_resolution") / TILE_TEXELS;
+    settings.int("rsm_light_points").isqrt().min(most).max(1)
 }
 
 /// A light's table row without its fourth number.
@@ -144,7 +158,7 @@ fn emitted(context: &mut Context<'_, '_>, maps: &[(RsmMap, usize)], stride: usiz
 /// Those of the device; `Cancelled`.
 pub fn record(context: &mut Context<'_, '_>) -> Result<Rsm> {
     let resolution = context.settings.int("rsm_resolution");
-    let tiles = context.settings.int("rsm_light_points").isqrt().min(resolution / TILE_TEXELS).max(1);
+    let tiles = tiles(context.settings);
     let owned = maps_of(context, tiles);
     let stride = PLACES.max((tiles * tiles) as usize);
     let from = emitted(context, &owned, stride)?;

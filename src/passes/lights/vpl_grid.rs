@@ -22,7 +22,7 @@ pub struct VplGridParams {
 
 /// Lights along an edge of a map for at least `vpls` of them: no block crosses the border of a tile, because as many lie
 /// in each, and none is smaller than a texel.
-fn across(vpls: u32, resolution: u32, tiles: u32) -> u32 {
+pub(super) fn across(vpls: u32, resolution: u32, tiles: u32) -> u32 {
     let root = vpls.isqrt();
     let up = root + u32::from(root * root < vpls);
     up.min(resolution).next_multiple_of(tiles.max(1)).min(resolution)
