@@ -154,7 +154,8 @@ pub(crate) fn group_layouts(
     let count = bindings.iter().map(|b| b.group + 1).max().unwrap_or(0);
     (0..count)
         .map(|group| {
-            let entries: Vec<_> = bindings.iter().filter(|b| b.group == group).map(|b| layout_entry(b, stages)).collect();
+            let entries: Vec<_> =
+                bindings.iter().filter(|b| b.group == group).map(|b| layout_entry(b, stages)).collect();
             (!entries.is_empty()).then(|| {
                 device.create_bind_group_layout(&wgpu::BindGroupLayoutDescriptor {
                     label: Some(label),

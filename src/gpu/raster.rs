@@ -121,12 +121,7 @@ fn pipeline(
     device.create_render_pipeline(&wgpu::RenderPipelineDescriptor {
         label: Some(label),
         layout: Some(&layout),
-        vertex: wgpu::VertexState {
-            module,
-            entry_point: Some("vertex"),
-            compilation_options: options(),
-            buffers: &[],
-        },
+        vertex: wgpu::VertexState { module, entry_point: Some("vertex"), compilation_options: options(), buffers: &[] },
         primitive: wgpu::PrimitiveState { topology: wgpu::PrimitiveTopology::PointList, ..Default::default() },
         depth_stencil: None,
         multisample: wgpu::MultisampleState::default(),
@@ -147,13 +142,7 @@ impl Pass<'_, '_> {
     ///
     /// # Errors
     /// As [`Pass::dispatch`].
-    pub fn draw_cut(
-        mut self,
-        target: &Target,
-        vertices: u32,
-        instances: Range<u32>,
-        ns_per_point: f64,
-    ) -> Result<()> {
+    pub fn draw_cut(mut self, target: &Target, vertices: u32, instances: Range<u32>, ns_per_point: f64) -> Result<()> {
         let learnt = lock(&self.recorder.gpu.shared().rates).get(self.kernel.label()).copied();
         let mut rate = learnt.unwrap_or(ns_per_point).max(1e-3);
         let mut first = instances.start;

@@ -9,8 +9,7 @@ impl Plan {
     pub(super) fn add_indirect(&mut self, settings: &Settings, skip: Option<&'static str>) {
         let gathers = settings.is("indirect", "final-gather");
         let by_rays = gathers.then_some("indirect light is gathered by rays: indirect is final-gather");
-        let by_lights =
-            indirect_from_virtual_lights(settings).then_some("indirect light comes from virtual lights");
+        let by_lights = indirect_from_virtual_lights(settings).then_some("indirect light comes from virtual lights");
         self.add(&INDIRECT, skip.or(by_lights));
         self.add_virtual_lights(settings, skip.or(by_rays));
         self.add_virtual_fragments(settings, skip.or(by_rays));
@@ -48,7 +47,8 @@ impl Plan {
         }
         let unasked = settings.is("indirect_visibility", "off").then_some("indirect_visibility is off");
         self.add(&VPL_VISIBLE, skip.or(unasked));
-        for (pass, upsample) in VPL_UPSAMPLE.into_iter().zip(["nearest", "bilinear", "edge-aware", "rbf", "rbf", "rbf"]) {
+        for (pass, upsample) in VPL_UPSAMPLE.into_iter().zip(["nearest", "bilinear", "edge-aware", "rbf", "rbf", "rbf"])
+        {
             let other = (!settings.is("upsample", upsample)).then_some("upsample is another");
             let paper = settings.is("rbf_form", "paper");
             let form = match pass {

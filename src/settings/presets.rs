@@ -47,6 +47,7 @@ pub const PRESETS: &[(&str, Option<Changes>)] = &[
             ("upsample", Default::Text("edge-aware")),
             ("form_factor", Default::Text("disc")),
             ("vpls", Default::Int(65_536)),
+            ("light_cut_threshold", Default::Float(0.015)),
         ]),
     ),
     (

@@ -16,7 +16,13 @@ pub(super) const fn choice(
     Spec { name, kind, default: Default::Text(default), pending: false, nullable: false, unit: "", doc, source }
 }
 
-pub(super) const fn int(name: &'static str, range: [i64; 2], default: i64, doc: &'static str, source: &'static str) -> Spec {
+pub(super) const fn int(
+    name: &'static str,
+    range: [i64; 2],
+    default: i64,
+    doc: &'static str,
+    source: &'static str,
+) -> Spec {
     let kind = Kind::Int { min: range[0], max: range[1], only: &[] };
     Spec { name, kind, default: Default::Int(default), pending: false, nullable: false, unit: "", doc, source }
 }

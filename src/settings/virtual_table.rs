@@ -45,13 +45,7 @@ pub(super) const VIRTUAL: &[Spec] = &[
     ),
     Spec {
         kind: only([1, 256], &[1, 4, 16, 64, 256]),
-        ..int(
-            "rsm_light_points",
-            [1, 256],
-            16,
-            "Points of an area light that share its map; spots have one.",
-            "[DS05]",
-        )
+        ..int("rsm_light_points", [1, 256], 16, "Points of an area light that share its map; spots have one.", "[DS05]")
     },
     Spec {
         kind: only([1, 4096], QUADRUPLES),

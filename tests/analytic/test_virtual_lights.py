@@ -33,7 +33,7 @@ def _corner() -> tuple[ml.Scene, ml.Camera]:
 
 
 def _wall_irradiance(x: float, y: float) -> float:
-    """At (x, y) of the wall from the lit floor, by a float64 quadrature in polar coordinates about its foot."""
+    """At (x, y) of the wall from the lit floor: float64 quadrature in polar coordinates about its foot."""
     radius, angle = np.geomspace(1e-5, 6, 1500), np.linspace(0, np.pi, 181)
     r, phi = np.meshgrid(np.sqrt(radius[1:] * radius[:-1]), 0.5 * (angle[1:] + angle[:-1]), indexing="ij")
     area = r * np.diff(radius)[:, None] * np.diff(angle)[None]
@@ -46,7 +46,7 @@ def _wall_irradiance(x: float, y: float) -> float:
 
 
 def _above_the_seam(renderer: ml.Renderer, **changes: object) -> Array:
-    """Rows of (height above the floor, irradiance over that of the quadrature), along a column of the wall."""
+    """Rows of (height above the floor, irradiance over that of the quadrature), up a column of the wall."""
     scene, camera = _corner()
     frame = renderer.render(scene, camera, _settings(**changes), outputs=("indirect", "position"))
     light = frame.indirect[:, 12, 0].astype(np.float64) * np.pi / ALBEDO
@@ -68,7 +68,8 @@ def _above_the_seam(renderer: ml.Renderer, **changes: object) -> Array:
 def test_no_band_and_no_spike_along_a_seam(renderer: ml.Renderer, how: dict[str, object]) -> None:
     """Quadrilaterals are right down to the seam, where points and discs lose most of the light (N1)."""
     quad = _above_the_seam(renderer, form_factor="quad", **how)
-    assert quad[:, 0].min() < 0.015 and len(quad) > 12
+    assert quad[:, 0].min() < 0.015
+    assert len(quad) > 12
     print(f"quad {np.abs(quad[:, 1] - 1).max():.4f}")
     assert np.abs(quad[:, 1] - 1).max() < 0.025
     for form in ("point", "disc"):  # negative controls
@@ -114,8 +115,10 @@ def test_fragments_cost_little_error(renderer: ml.Renderer) -> None:
         assert fragments is not None
         found.append((_error(frame, every), fragments.total))
     print(found)
-    assert found[0][0] > found[1][0] > found[2][0] and found[0][1] < found[1][1] < found[2][1]
-    assert found[1][0] < 0.04 and found[1][1] < 0.25 * 256**2
+    assert found[0][0] > found[1][0] > found[2][0]
+    assert found[0][1] < found[1][1] < found[2][1]
+    assert found[1][0] < 0.04
+    assert found[1][1] < 0.25 * 256**2
 
 
 def test_fragments_are_a_partition(renderer: ml.Renderer) -> None:
@@ -123,7 +126,8 @@ def test_fragments_are_a_partition(renderer: ml.Renderer) -> None:
     for name in ("splatting-2009", "radiosity-2009", "hierarchical-2009"):
         frame = _light(renderer, place, _off(name))
         fragments = frame.indirect_fragments
-        assert fragments is not None and fragments.total == sum(fragments.counts)
+        assert fragments is not None
+        assert fragments.total == sum(fragments.counts)
         assert ((fragments.level_map < 254) == frame.surface_mask).all()
         assert frame.fragments.total == frame.surface_mask.sum(), "direct light is found at every pixel"
 
@@ -151,8 +155,10 @@ def test_a_cut_follows_its_threshold(renderer: ml.Renderer) -> None:
         errors = [_error(frame, every) for frame in frames]
         evaluated = [frame.stats.light_evaluations for frame in frames]
         print(bound, errors, evaluated, every.stats.light_evaluations)
-        assert errors == sorted(errors, reverse=True) and evaluated == sorted(evaluated)
-        assert errors[-1] < 0.03 and evaluated[-1] < 0.6 * every.stats.light_evaluations
+        assert errors == sorted(errors, reverse=True)
+        assert evaluated == sorted(evaluated)
+        assert errors[-1] < 0.03
+        assert evaluated[-1] < 0.6 * every.stats.light_evaluations
 
 
 def test_few_virtual_lights_come_near_many(renderer: ml.Renderer) -> None:
@@ -178,7 +184,9 @@ def test_visible_light_has_the_energy_of_a_final_gather(renderer: ml.Renderer, l
     scene, camera = _room(64)
     if light != "spot":
         scene.remove("spot")
-        lamp = ml.AreaLight((-0.4, 2.2, 0.4), (0.8, 0, 0), (0, 0, 0.8), (9, 8, 7), two_sided=light == "two-sided")
+        lamp = ml.AreaLight(
+            (-0.4, 2.2, 0.4), (0.8, 0, 0), (0, 0, 0.8), (9, 8, 7), two_sided=light == "two-sided"
+        )
         scene.add_light(lamp)
     gathered = _light(renderer, (scene, camera), ml.Settings(direct="off", indirect="final-gather"))
     seen = gathered.surface_mask
@@ -193,7 +201,7 @@ def test_visible_light_has_the_energy_of_a_final_gather(renderer: ml.Renderer, l
 
 
 def test_equal_solid_angles_are_an_option(renderer: ml.Renderer) -> None:
-    """A wide cone: the corners of its map are given as much as its middle, up to five times too much (N18)."""
+    """A wide cone: the corners of its map are given as much as its middle, five times too much (N18)."""
     scene, camera = _room(48)
     scene.lights["spot"].cutoff = 60.0
     exact, equal = (
@@ -209,7 +217,9 @@ def test_surface_modulation_only_darkens_and_is_off(renderer: ml.Renderer) -> No
     half = _light(renderer, place, _settings(indirect="gather", surface_modulation=0.5))
     seen = plain.surface_mask & (plain.indirect.min(axis=-1) > 0)
     ratio = half.indirect[seen] / plain.indirect[seen]
-    assert (ratio <= 1 + 1e-6).all() and (ratio >= 0.5 - 1e-6).all() and ratio.min() < 0.7
+    assert (ratio <= 1 + 1e-6).all()
+    assert (ratio >= 0.5 - 1e-6).all()
+    assert ratio.min() < 0.7
     np.testing.assert_allclose(half.image, half.indirect, atol=1e-6)
 
 

@@ -196,9 +196,7 @@ pub fn record(context: &mut Context<'_, '_>, gbuffer: &GBuffer) -> Result<Indire
         Lights::List(lights) if fragments.is_some() => {
             Evaluations { counted: None, receivers: None, each: (lights.count * work.count) as u64 }
         }
-        Lights::List(lights) => {
-            Evaluations { counted: None, receivers: Some(work.active), each: lights.count as u64 }
-        }
+        Lights::List(lights) => Evaluations { counted: None, receivers: Some(work.active), each: lights.count as u64 },
     };
     let levels = fragments.map(|fragments| [fragments.level_map, fragments.reason_map]);
     Ok(Indirect { irradiance, levels, evaluations })

@@ -35,8 +35,7 @@ pub fn record(
     lights: &VirtualLights,
     irradiance: &Buffer<[f32; 4]>,
 ) -> Result<()> {
-    let params =
-        VplGatherParams { count: lights.count as u32, reach: light_cut::reach(context.settings), pad: [0; 2] };
+    let params = VplGatherParams { count: lights.count as u32, reach: light_cut::reach(context.settings), pad: [0; 2] };
     let kernel = context.kernel_with("indirect/vpl_gather", "main", &[("FORM", form(context.settings))])?;
     let pass = context.recorder.pass("vpl_gather", &kernel).uniform("params", &params);
     let pass = pass.bind("receivers", receivers).bind("maps", &rsm.table);

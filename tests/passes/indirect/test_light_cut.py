@@ -20,7 +20,7 @@ def _receivers(rng: np.random.Generator, count: int, low: float = 0.05) -> NDArr
     """Above the surface of the tree, most of them looking down on it."""
     receivers = np.zeros(count, RECEIVER)
     receivers["origin"] = rng.uniform([-0.7, -0.7, low], [0.7, 0.7, 0.8], (count, 3))
-    normal = rng.normal(size=(count, 3)) + [0, 0, -1.5]
+    normal = rng.normal(size=(count, 3)) + np.array([0, 0, -1.5])
     receivers["normal_shade"] = normal / np.linalg.norm(normal, axis=1, keepdims=True)
     receivers["normal_geo"] = receivers["normal_shade"]
     receivers["pixel"] = rng.permutation(count)
@@ -109,12 +109,14 @@ def test_error_follows_the_threshold(runner: Runner, rng: np.random.Generator, b
         out, count = _run(runner, tree, receivers, (2, 6), bound, threshold)
         errors.append(np.sqrt(((out - exact) ** 2).mean()) / exact.mean())
         counts.append(count / leaves)
-    assert errors == sorted(errors, reverse=True) and counts == sorted(counts)
-    assert errors[-1] < 0.01 and counts[0] < 0.05
+    assert errors == sorted(errors, reverse=True)
+    assert counts == sorted(counts)
+    assert errors[-1] < 0.01
+    assert counts[0] < 0.05
 
 
 def test_bounds_hold_for_what_is_in_a_node(runner: Runner, rng: np.random.Generator) -> None:
-    """Every leaf of a node gives no less than its least and no more than its most, as a point and as a disc."""
+    """Every leaf of a node gives no less than its least and no more than its most, as point and as disc."""
     tree, receivers = random_tree(rng, 5), _receivers(rng, 200)
     checked = 0
     for receiver in receivers:
@@ -125,7 +127,8 @@ def test_bounds_hold_for_what_is_in_a_node(runner: Runner, rng: np.random.Genera
         least, most = bounds(receiver, node)
         for as_disc in (False, True):
             per_flux = [disc(receiver, leaf, as_disc).mean() / leaf["flux"].mean() for leaf in lit]
-            assert least <= min(per_flux) * (1 + 1e-5) and max(per_flux) <= most * (1 + 1e-5)
+            assert least <= min(per_flux) * (1 + 1e-5)
+            assert max(per_flux) <= most * (1 + 1e-5)
             checked += max(per_flux) > 0
     assert checked > 200
 
@@ -135,4 +138,5 @@ def test_inactive_receivers_are_left_alone(runner: Runner, rng: np.random.Genera
     receivers["pixel"][::2] = MISS
     out, _ = _run(runner, tree, receivers, (1, 3), "error", 0.01)
     touched = np.isfinite(out[:, 0])
-    assert touched.sum() == 4 and touched[receivers["pixel"][1::2]].all()
+    assert touched.sum() == 4
+    assert touched[receivers["pixel"][1::2]].all()

@@ -1,4 +1,4 @@
-"""`vpl_gather`: irradiance from every virtual light of a list, as points, discs or quadrilaterals [NSW09; WEH89]."""
+"""`vpl_gather`: irradiance from every light of a list: points, discs, quadrilaterals [NSW09; WEH89]."""
 
 from __future__ import annotations
 
@@ -93,7 +93,7 @@ def test_a_disc_is_exact_on_its_axis(runner: Runner) -> None:
 
 
 def _floor(rng: np.random.Generator) -> tuple[NDArray[Any], NDArray[Any], Array]:
-    """A spot 2 above a floor looking down, blocks of its map as virtual lights, and their corners on the floor."""
+    """A spot 2 above a floor, blocks of its map as virtual lights, and their corners on the floor."""
     maps = record(RSM_MAP, origin=[0, 0, 2], axis=[0, 0, -1], tan_half=1.0, tiles=1, resolution=RESOLUTION)
     count = RESOLUTION // WIDTH
     cells = np.stack(np.meshgrid(np.arange(count), np.arange(count)), axis=-1).reshape(-1, 2)
@@ -132,7 +132,9 @@ def test_near_quadrilaterals_are_exact(runner: Runner, rng: np.random.Generator)
     receivers = np.zeros(24, RECEIVER)
     height = np.geomspace(0.03, 1.0, 24)
     receivers["origin"] = np.stack([rng.uniform(-1.5, 1.5, 24), np.full(24, 0.37), height], axis=1)
-    normal = np.tile([0.0, 1.0, 0.0], (24, 1)) + np.where(np.arange(24) % 2, 0.4, 0)[:, None] * rng.normal(size=(24, 3))
+    normal = np.tile([0.0, 1.0, 0.0], (24, 1)) + np.where(np.arange(24) % 2, 0.4, 0)[:, None] * rng.normal(
+        size=(24, 3)
+    )
     receivers["normal_shade"] = _unit(normal)
     receivers["normal_geo"] = (0, 1, 0)
     receivers["pixel"] = np.arange(24)
@@ -163,4 +165,5 @@ def test_inactive_receivers_are_left_alone(runner: Runner, rng: np.random.Genera
     receivers, lights = _receivers(rng, 8), _lights(rng, 8)
     receivers["pixel"][::2] = MISS
     out = _run(runner, receivers, lights, "disc")
-    assert np.isfinite(out[receivers["pixel"][1::2]]).all() and np.isnan(out[:, 0]).sum() == 4
+    assert np.isfinite(out[receivers["pixel"][1::2]]).all()
+    assert np.isnan(out[:, 0]).sum() == 4

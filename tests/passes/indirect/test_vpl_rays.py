@@ -47,7 +47,15 @@ def _run(
 ) -> tuple[NDArray[Any], Array]:
     """Rays and weights, (n, RAYS)."""
     count = len(receivers)
-    values = {"roots": len(lights), "maps": 1, "reach": 3e38, "rays": RAYS, "seed": SEED, "maps_size": 1, **params}
+    values = {
+        "roots": len(lights),
+        "maps": 1,
+        "reach": 3e38,
+        "rays": RAYS,
+        "seed": SEED,
+        "maps_size": 1,
+        **params,
+    }
     out = runner(
         "passes/indirect/vpl_rays",
         count,
@@ -94,7 +102,8 @@ def test_each_ray_goes_where_its_part_of_the_irradiance_comes_from(
     picked = np.take_along_axis(light, np.minimum(chosen, 99)[..., None], axis=1)
     expected = picked / picked.mean(axis=2, keepdims=True)
     assert_within(weights[sure], expected[sure], 1e-4 * expected[sure], "weights")
-    assert (rays["t_max"][sure] < 1).all() and (rays["t_max"][sure] > 0.999).all()
+    assert (rays["t_max"][sure] < 1).all()
+    assert (rays["t_max"][sure] > 0.999).all()
 
 
 def test_weights_sum_to_the_irradiance(runner: Runner, rng: np.random.Generator) -> None:
@@ -112,7 +121,8 @@ def test_no_light_no_ray(runner: Runner, rng: np.random.Generator) -> None:
     receivers["pixel"][3] = MISS
     lights["flux"] = 0
     rays, weights = _run(runner, receivers, lights, np.zeros(8))
-    assert (rays["t_max"] <= rays["t_min"]).all() and (weights == 0).all()
+    assert (rays["t_max"] <= rays["t_min"]).all()
+    assert (weights == 0).all()
 
 
 def test_targets_are_texels_of_the_block(runner: Runner, rng: np.random.Generator) -> None:
@@ -131,7 +141,8 @@ def test_targets_are_texels_of_the_block(runner: Runner, rng: np.random.Generato
     ends = (receivers["origin"][:, None] + rays["direction"]).reshape(-1, 3)
     places = [texels[y, x, 0, :3] for y, x in ((1, 1), (1, 2), (2, 1), (2, 2))]
     shares = [float((np.abs(ends - p).max(axis=1) < 1e-5).mean()) for p in [*places, lights["position"][0]]]
-    assert shares[1] == shares[3] == 0 and sum(shares) == pytest.approx(1)
+    assert shares[1] == shares[3] == 0
+    assert sum(shares) == pytest.approx(1)
     # a texel that cannot stand for the light is tried again, once
     assert [shares[0], shares[2]] == pytest.approx([3 / 8] * 2, abs=0.03)
     assert shares[4] == pytest.approx(1 / 4, abs=0.03)

@@ -1,4 +1,4 @@
-"""`vpl_splat`: virtual lights drawn as points and added up [NW09 Sec. 3.4]; its sums are those of `vpl_gather`."""
+"""`vpl_splat`: virtual lights drawn as points and added up [NW09 Sec. 3.4], as `vpl_gather` sums them."""
 
 from __future__ import annotations
 
@@ -47,7 +47,8 @@ def test_pixels_of_the_target_go_to_their_receivers(runner: Runner, rng: np.rand
     for i in range(count):
         if i != 5:
             expected[receivers["pixel"][first + i]] = sums[i]
-    assert (got == expected).all() and (got == -1).any()
+    assert (got == expected).all()
+    assert (got == -1).any()
 
 
 @pytest.mark.parametrize(("width", "height"), [(1, 1), (61, 47), (300, 220)])
@@ -56,7 +57,9 @@ def test_splats_are_gathered_light(renderer: ml.Renderer, width: int, height: in
     scene, camera = _place(width, height)
     for changes in ({}, {"vpl_radius": 0.8}, {"form_factor": "disc", "vpls": 100}):
         splatted = renderer.render(scene, camera, _settings(refine=refine, **changes)).indirect
-        gathered = renderer.render(scene, camera, _settings(refine=refine, indirect="gather", **changes)).indirect
+        gathered = renderer.render(
+            scene, camera, _settings(refine=refine, indirect="gather", **changes)
+        ).indirect
         np.testing.assert_allclose(splatted, gathered, rtol=1e-5, atol=1e-7)
     assert width == 1 or gathered.any()
 
@@ -80,4 +83,5 @@ def test_a_radius_darkens(renderer: ml.Renderer) -> None:
     """What DS06 clips is lost: less light the smaller the radius."""
     place = _place(64, 48)
     light = [renderer.render(*place, _settings(vpl_radius=r)).indirect.mean() for r in (0.2, 0.6, 2.0, None)]
-    assert light == sorted(light) and light[0] < 0.5 * light[-1]
+    assert light == sorted(light)
+    assert light[0] < 0.5 * light[-1]

@@ -13,7 +13,9 @@ from tests.passes.reference.structs import MISS, NOTHING, PYRAMID, RECEIVER, SUR
 RAYS = 8
 
 
-def _sum_up(runner: Runner, receivers: NDArray[Any], hidden: NDArray[np.bool_], weights: NDArray[np.float32]) -> Any:
+def _sum_up(
+    runner: Runner, receivers: NDArray[Any], hidden: NDArray[np.bool_], weights: NDArray[np.float32]
+) -> Any:
     count = len(receivers)
     out = runner(
         "passes/indirect/vpl_visible",

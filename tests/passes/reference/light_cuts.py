@@ -15,7 +15,7 @@ Array = NDArray[np.float64]
 
 @dataclasses.dataclass
 class Tree:
-    """Nodes in the order of the flat buffer, of one map, with the least and largest distance from the light."""
+    """Nodes in the order of the flat buffer, of one map, with their ranges."""
 
     nodes: NDArray[Any]
     ranges: NDArray[np.float32]
@@ -59,7 +59,9 @@ def random_tree(rng: np.random.Generator, finest: int) -> Tree:
     x, y = (column + 0.5) / side - 0.5, (row + 0.5) / side - 0.5
     bump = 0.02 * np.sin(9 * x) * np.cos(7 * y)
     leaves["position"] = np.stack([x, y, bump], axis=1)
-    normal = np.stack([-0.18 * np.cos(9 * x) * np.cos(7 * y), 0.14 * np.sin(9 * x) * np.sin(7 * y), 1 + 0 * x], 1)
+    normal = np.stack(
+        [-0.18 * np.cos(9 * x) * np.cos(7 * y), 0.14 * np.sin(9 * x) * np.sin(7 * y), 1 + 0 * x], 1
+    )
     leaves["normal"] = normal / np.linalg.norm(normal, axis=1, keepdims=True)
     leaves["area"] = 1 / side**2
     leaves["radius"] = 1e-6
@@ -82,7 +84,11 @@ def disc(receiver: Any, node: Any, disc: bool = True) -> Array:
     d = node["position"].astype(np.float64) - receiver["origin"]
     far = np.linalg.norm(d)
     w = d / far
-    cosines = [receiver["normal_shade"] @ w, receiver["normal_geo"] @ w, -node["normal"].astype(np.float64) @ w]
+    cosines = [
+        receiver["normal_shade"] @ w,
+        receiver["normal_geo"] @ w,
+        -node["normal"].astype(np.float64) @ w,
+    ]
     if min(cosines) <= 0:
         return np.zeros(3)
     area = float(node["area"]) if disc else 0.0
@@ -117,8 +123,9 @@ def cut(
 ) -> tuple[Array, int, float]:
     """Irradiance of one receiver, nodes that give it, and how near the nearest decision was: |ratio − 1|."""
     coarsest, finest = levels
-    first = tree.first(min(coarsest, 3))
-    scale = sum(disc(receiver, node).mean() for node in tree.nodes[first : first + 4 ** min(coarsest, 3)])
+    estimate = coarsest if coarsest < 3 else 3
+    first = tree.first(estimate)
+    scale = sum(disc(receiver, node).mean() for node in tree.nodes[first : first + 4**estimate])
     closest = np.inf
     total, count = np.zeros(3), 0
     stack = [(coarsest, number) for number in range(4**coarsest)]
