@@ -63,6 +63,8 @@ pub struct Plan {
     pub passes: Vec<&'static str>,
     /// Name and reason.
     pub skipped: Vec<(&'static str, &'static str)>,
+    /// Whether lobes count.
+    pub glossy: bool,
 }
 
 impl Plan {
@@ -86,7 +88,8 @@ impl Plan {
 
 /// Plans a frame.
 pub fn plan(facts: SceneFacts, settings: &Settings, valid: Valid) -> Plan {
-    let mut plan = Plan::default();
+    let glossy = facts.specular > 0 && settings.is("specular", "on");
+    let mut plan = Plan { glossy, ..Plan::default() };
     let nothing_to_see = facts.meshes + facts.visible_lights == 0;
     let no_surface = (facts.meshes == 0).then_some("the scene has no mesh");
     let no_light = (facts.area_lights + facts.spot_lights == 0).then_some("no light emits anything");
@@ -274,6 +277,7 @@ mod tests {
             &VPLS,
             &VPL_FRAGMENTS,
             &TRANSPORT,
+            &VPL_LISTS,
             &VPL_VISIBLE,
             &VPL_UPSAMPLE,
             &[COMPOSITE, DOWNSAMPLE],
@@ -285,6 +289,7 @@ mod tests {
                     ("indirect", "off"),
                     ("indirect", "final-gather"),
                     ("indirect", "clustered"),
+                    ("refine_lists", "per-light"),
                     ("direct_refine", "none"),
                     ("direct", "off"),
                     ("visibility", "none"),

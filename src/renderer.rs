@@ -310,11 +310,12 @@ impl State {
             false => None,
         };
         let indirect = match plan.runs(INDIRECT[0]) || plan.runs(RSM[0]) {
-            true => Some(context.scoped("indirect", |context| indirect::record(context, &gbuffer))?),
+            true => Some(context.scoped("indirect", |context| indirect::record(context, &gbuffer, plan.glossy))?),
             false => None,
         };
         let images = context.scoped("composite", |context| {
-            let specular = direct.as_ref().and_then(|d| d.specular.as_ref());
+            let of_direct = direct.as_ref().and_then(|d| d.specular.as_ref());
+            let specular = [of_direct, indirect.as_ref().and_then(|i| i.specular.as_ref())];
             let direct = direct.as_ref().map(|d| &d.irradiance);
             let indirect = indirect.as_ref().map(|i| &i.irradiance);
             let images = composite::record(context, &gbuffer, direct, indirect, specular)?;

@@ -51,6 +51,11 @@ pub fn refines_direct(settings: &Settings) -> bool {
     !settings.is("refine", "none") && settings.is("direct_refine", "same")
 }
 
+/// Whether each virtual light has fragments of its own.
+pub fn has_lists_per_light(settings: &Settings) -> bool {
+    settings.is("refine_lists", "per-light") && !settings.is("refine", "none") && indirect_from_virtual_lights(settings)
+}
+
 /// Whether indirect light comes from virtual lights.
 pub fn indirect_from_virtual_lights(settings: &Settings) -> bool {
     ["splat", "gather", "clustered", "hierarchical"].iter().any(|indirect| settings.is("indirect", indirect))

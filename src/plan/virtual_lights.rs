@@ -1,7 +1,7 @@
 //! The part of the plan that is indirect light.
 
-use super::names::{INDIRECT, RSM, RSM_TREE, TRANSPORT, VPL_FRAGMENTS, VPL_UPSAMPLE, VPL_VISIBLE, VPLS};
-use super::{Plan, indirect_from_virtual_lights};
+use super::names::{INDIRECT, RSM, RSM_TREE, TRANSPORT, VPL_FRAGMENTS, VPL_LISTS, VPL_UPSAMPLE, VPL_VISIBLE, VPLS};
+use super::{Plan, has_lists_per_light, indirect_from_virtual_lights};
 use crate::settings::Settings;
 
 impl Plan {
@@ -38,15 +38,18 @@ impl Plan {
         self.add(&VPL_FRAGMENTS[..1], skip.or(pixels).or(flat));
         self.add(&VPL_FRAGMENTS[1..2], skip.or(pixels));
         self.add(&VPL_FRAGMENTS[2..3], skip.or(pixels).or(flat).or(at_once));
-        self.add(&VPL_FRAGMENTS[3..5], skip.or(pixels));
+        let shared = (!has_lists_per_light(settings)).then_some("fragments are shared: refine_lists is shared");
+        self.add(&VPL_LISTS, skip.or(pixels).or(shared));
+        let own = has_lists_per_light(settings).then_some("each virtual light has fragments of its own");
+        self.add(&VPL_FRAGMENTS[3..5], skip.or(pixels).or(own));
         self.add(&VPL_FRAGMENTS[5..], skip.or((!settings.is("refine", "none")).then_some("fragments are shaded")));
         let ways = [["gather", "clustered"], ["splat", "splat"], ["hierarchical", "hierarchical"]];
         for (pass, names) in TRANSPORT.into_iter().zip(ways) {
             let other = (!names.iter().any(|name| settings.is("indirect", name))).then_some("indirect is another");
-            self.add(&[pass], skip.or(other));
+            self.add(&[pass], skip.or(own).or(other));
         }
         let unasked = settings.is("indirect_visibility", "off").then_some("indirect_visibility is off");
-        self.add(&VPL_VISIBLE, skip.or(unasked));
+        self.add(&VPL_VISIBLE, skip.or(unasked).or(own));
         for (pass, upsample) in VPL_UPSAMPLE.into_iter().zip(["nearest", "bilinear", "edge-aware", "rbf", "rbf", "rbf"])
         {
             let other = (!settings.is("upsample", upsample)).then_some("upsample is another");
@@ -57,7 +60,7 @@ impl Plan {
                 "indirect/rbf_samples" => (settings.int("coarsest_level") < 3).then_some("coarsest_level is below 3"),
                 _ => None,
             };
-            self.add(&[pass], skip.or(pixels).or(other).or(form));
+            self.add(&[pass], skip.or(pixels).or(own).or(other).or(form));
         }
     }
 }

@@ -22,6 +22,16 @@ pub(super) const VIRTUAL: &[Spec] = &[
         "[NW09 Sec. 3.1; NSW09 Sec. 3.3]",
     ),
     choice(
+        "refine_lists",
+        &["shared", "per-light"],
+        &["shared", "per-light"],
+        "shared",
+        "Whether all virtual lights light the same fragments, or each has fragments of its own, split where what surfaces \
+         reflect of it differs by more than `illumination_threshold`, and lobes reflect it as well; `indirect` splat, gather \
+         and clustered without `indirect_visibility`.",
+        "[NW09 Sec. 4.1]",
+    ),
+    choice(
         "vpl_pattern",
         &["grid", "importance"],
         &["grid", "importance"],

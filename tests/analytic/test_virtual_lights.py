@@ -14,6 +14,8 @@ ALBEDO, INTENSITY, HEIGHT, CUTOFF, WALL = 0.8, 10.0, 3.0, 35.0, -1.0
 VIRTUAL = {"direct": "off", "indirect_visibility": "off", "refine": "none"}
 """Indirect light alone, without occlusion, pixel by pixel."""
 
+LISTS = {"refine": "iterative", "refine_lists": "per-light", "indirect_visibility": "off"}
+
 
 def _settings(**changes: object) -> ml.Settings:
     return ml.Settings(**{**VIRTUAL, **changes})  # type: ignore[arg-type]
@@ -179,6 +181,41 @@ def test_few_virtual_lights_come_near_many(renderer: ml.Renderer) -> None:
     assert max(errors["importance"], errors["clusters"]) < 1.05 * errors["grid"] < 0.4
 
 
+def test_a_list_for_each_light_follows_its_threshold(renderer: ml.Renderer) -> None:
+    """Against every pixel; the list that all share is farther off, and without a threshold little is."""
+    place, settings = _room(96), _off("splatting-2009").replace(indirect="gather", vpls=64)
+    every = _light(renderer, place, settings.replace(refine="none"))
+    shared = _error(_light(renderer, place, settings), every)
+    lists = settings.replace(refine_lists="per-light")
+    found = [_light(renderer, place, lists.replace(illumination_threshold=t)) for t in (0.3, 0.03, 0.0)]
+    errors = [_error(frame, every) for frame in found]
+    looks = [frame.stats.light_evaluations for frame in found]
+    print(errors, shared, looks)
+    assert errors[0] > errors[1] > errors[2]
+    assert looks[0] < looks[1] < looks[2]
+    assert errors[1] < 0.5 * shared
+    assert errors[2] < 0.01
+
+
+def test_lobes_reflect_virtual_lights(renderer: ml.Renderer) -> None:
+    """A glossy ball over a lit floor: the mirror image of the floor is added to what is diffuse."""
+    scene, camera = _room(96)
+    scene.remove("body")
+    ball = trimesh.creation.icosphere(4, 0.7)
+    lift = trimesh.transformations.translation_matrix((0.2, 0.9, -0.1))
+    material = ml.Material((0.3, 0.3, 0.3), specular=(0.6, 0.6, 0.6), shininess=40)
+    scene.add_mesh(ball, name="ball", material=material, transform=lift)
+    settings = _off("splatting-2009").replace(
+        indirect="gather", form_factor="disc", refine_lists="per-light", illumination_threshold=0.0, vpls=64
+    )
+    glossy = _light(renderer, (scene, camera), settings)
+    matt = _light(renderer, (scene, camera), settings.replace(specular="off"))
+    more = glossy.indirect.astype(np.float64) - matt.indirect
+    assert more.max() > 0.5 * matt.indirect.max()
+    assert more.min() > -1e-5 * matt.indirect.max()
+    np.testing.assert_allclose(glossy.image, glossy.indirect, atol=1e-5)
+
+
 @pytest.mark.parametrize("light", ["spot", "area", "two-sided"])
 def test_visible_light_has_the_energy_of_a_final_gather(renderer: ml.Renderer, light: str) -> None:
     scene, camera = _room(64)
@@ -228,6 +265,9 @@ def test_surface_modulation_only_darkens_and_is_off(renderer: ml.Renderer) -> No
     [
         ({"indirect": "splat", "form_factor": "quad"}, "allowed: point, disc"),
         ({"indirect": "final-gather", "indirect_visibility": "off"}, "allowed: on"),
+        ({**LISTS, "indirect": "hierarchical"}, "allowed: splat, gather, clustered"),
+        ({**LISTS, "indirect": "gather", "form_factor": "quad"}, "allowed: point, disc"),
+        ({**LISTS, "indirect": "gather", "indirect_visibility": "on"}, "allowed: off"),
     ],
 )
 def test_what_does_not_go_together_says_so(
@@ -241,5 +281,5 @@ def test_maps_that_do_not_fit_are_refused(renderer: ml.Renderer) -> None:
     scene, camera = _room(16)
     for k in range(2):
         scene.add_light(ml.SpotLight((0, 2, k / 10), (0, 0, 0), (1, 1, 1), cutoff=30))
-    with pytest.raises(ml.SettingsError, match="rsm_resolution=1024 makes 3"):
+    with pytest.raises(ml.SettingsError, match="rsm_resolution=1024 .* 3 reflective shadow maps"):
         renderer.render(scene, camera, _settings(indirect="hierarchical", rsm_resolution=1024))

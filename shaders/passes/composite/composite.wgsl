@@ -1,6 +1,6 @@
 // Radiance towards the eye. In: G-buffer, irradiance, specular radiance. Out: three images.
 //   main      emitted + albedo/pi (E_direct + E_indirect)
-//   specular  adds what lobes reflect of the lights
+//   specular  adds what lobes reflect of the lights; of virtual lights with the indirect image bound as `direct`
 //   modulate  darkens indirect light by a max(v . n, 0) + 1 - a [NW09 Sec. 4.2]: a look that has no physics
 
 import package::common::basis::PI;

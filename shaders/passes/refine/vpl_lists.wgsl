@@ -6,7 +6,9 @@
 //   begin  all virtual lights of the batch for every texel of the coarsest level that sees a surface
 //   test   of the listed texels of `pyramid.level`: takes out of the words what they keep, and sums it up
 //   split  hands the rest on to the children, and flags these
-// In: points, short_lights, texel_state, list. In and out: masks, held_irradiance, held_radiance. Out: listed.
+//   count  what is left for the pixels of level 1
+// In: points, short_lights, texel_state, list. In and out: masks, held_irradiance, held_radiance, evaluations (virtual
+// lights looked at from a point: bytes and the rest). Out: listed.
 
 import package::common::basis::PI;
 import package::common::fragment::{LIT, ROUGH};
@@ -28,6 +30,7 @@ override GLOSSY: bool = false;
 @group(0) @binding(6) var<storage, read> list: array<u32>;
 @group(0) @binding(7) var<storage, read_write> held_irradiance: array<vec4f>;
 @group(0) @binding(8) var<storage, read_write> held_radiance: array<vec4f>;
+@group(0) @binding(9) var<storage, read_write> evaluations: array<atomic<u32>>;
 
 // The middle of a texel and of its four children, and what their lights sum up to.
 struct Five {
@@ -104,6 +107,12 @@ fn differs(five: ptr<function, Five>, light: ShortLight, all_kept: bool) -> bool
     return false;
 }
 
+// Two words, so that their sum may be larger than one.
+fn evaluated(count: u32) {
+    atomicAdd(&evaluations[0], count & 255u);
+    atomicAdd(&evaluations[1], count >> 8u);
+}
+
 @compute @workgroup_size(64)
 fn test(
     @builtin(workgroup_id) group: vec3u,
@@ -122,17 +131,20 @@ fn test(
         return;
     }
     var five = five_of(texel);
+    var looks = 0u;
     for (var word = 0u; word < params.words; word++) {
         let at = mask_at(params, number, word);
         var left = 0u;
         for (var mask = masks[at]; mask != 0u; mask &= mask - 1u) {
             let bit = firstTrailingBit(mask);
+            looks += 5u;
             if differs(&five, short_lights[params.first + 32u * word + bit], all_kept) {
                 left |= 1u << bit;
             }
         }
         masks[at] = left;
     }
+    evaluated(looks);
     let below = pyramid.levels[pyramid.level - 1u];
     for (var k = 0u; k < 4u; k++) {
         if five.seen[k] {
@@ -171,5 +183,30 @@ fn split(
                 masks[mask_at(params, number, word)] = masks[mask_at(params, size.z + list[i], word)];
             }
         }
+    }
+}
+
+// A thread for each texel of level 1.
+@compute @workgroup_size(64)
+fn count(
+    @builtin(workgroup_id) group: vec3u,
+    @builtin(num_workgroups) groups: vec3u,
+    @builtin(local_invocation_index) lane: u32,
+) {
+    let i = item_index(grid, group, groups, 64u, lane);
+    if i >= grid.end {
+        return;
+    }
+    let size = pyramid.levels[1];
+    var pixels = 0u;
+    for (var k = 0u; k < 4u; k++) {
+        pixels += select(0u, 1u, is_lit(pyramid.levels[0], child_of(texel_of(size, i), k)));
+    }
+    var left = 0u;
+    for (var word = 0u; word < params.words; word++) {
+        left += countOneBits(masks[mask_at(params, size.z + i, word)]);
+    }
+    if left != 0u {
+        evaluated(left * pixels);
     }
 }

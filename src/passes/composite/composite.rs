@@ -31,7 +31,8 @@ pub struct Images {
     pub indirect: Option<Buffer<[f32; 4]>>,
 }
 
-/// Composes the images; an irradiance that is not there counts as zero.
+/// Composes the images; an irradiance that is not there counts as zero. `specular`: what lobes reflect of direct and of
+/// indirect light.
 ///
 /// # Errors
 /// Those of the device.
@@ -40,7 +41,7 @@ pub fn record(
     gbuffer: &GBuffer,
     direct: Option<&Buffer<[f32; 4]>>,
     indirect: Option<&Buffer<[f32; 4]>>,
-    specular: Option<&Buffer<[f32; 4]>>,
+    specular: [Option<&Buffer<[f32; 4]>>; 2],
 ) -> Result<Images> {
     let pictures = f64::from(u8::from(!context.prepared.light_textures.is_empty()));
     let kernel = context.kernel_with("composite/composite", "main", &[("PICTURES", pictures)])?;
@@ -68,10 +69,13 @@ pub fn record(
         .bind("direct", &images.direct)
         .bind("indirect", images.indirect.as_ref().unwrap_or(&nowhere))
         .dispatch(pixels)?;
-    if let Some(specular) = specular {
-        let kernel = context.kernel("composite/composite", "specular")?;
-        let pass = context.recorder.pass("composite", &kernel).bind("specular_radiance", specular);
-        pass.bind("image", &images.image).bind("direct", &images.direct).dispatch(pixels)?;
+    let parts = [Some(&images.direct), images.indirect.as_ref()];
+    for (specular, part) in specular.into_iter().zip(parts) {
+        if let (Some(specular), Some(part)) = (specular, part) {
+            let kernel = context.kernel("composite/composite", "specular")?;
+            let pass = context.recorder.pass("composite", &kernel).bind("specular_radiance", specular);
+            pass.bind("image", &images.image).bind("direct", part).dispatch(pixels)?;
+        }
     }
     modulate(context, gbuffer, &images)?;
     Ok(images)

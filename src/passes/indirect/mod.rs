@@ -83,6 +83,8 @@ pub struct Indirect {
     pub irradiance: Buffer<[f32; 4]>,
     /// Level and reason of each pixel's fragment, where there are larger ones than pixels.
     pub levels: Option<[Buffer<u32>; 2]>,
+    /// Radiance a pixel that lobes reflect of it, where they do.
+    pub specular: Option<Buffer<[f32; 4]>>,
     /// Virtual lights evaluated.
     pub evaluations: Evaluations,
 }
@@ -114,16 +116,19 @@ impl Lists {
     }
 }
 
-/// Indirect light as the settings say.
+/// Indirect light as the settings say; `glossy`: some surface has a lobe, and it counts.
 ///
 /// # Errors
 /// Those of the device; `Settings`; `Cancelled`.
-pub fn record(context: &mut Context<'_, '_>, gbuffer: &GBuffer) -> Result<Indirect> {
+pub fn record(context: &mut Context<'_, '_>, gbuffer: &GBuffer, glossy: bool) -> Result<Indirect> {
+    if plan::has_lists_per_light(context.settings) {
+        return virtual_lights::per_light(context, gbuffer, glossy);
+    }
     if plan::indirect_from_virtual_lights(context.settings) {
         return virtual_lights::record(context, gbuffer);
     }
     let irradiance = final_gather(context, gbuffer)?;
-    Ok(Indirect { irradiance, levels: None, evaluations: Evaluations::default() })
+    Ok(Indirect { irradiance, levels: None, specular: None, evaluations: Evaluations::default() })
 }
 
 /// Indirect irradiance of every pixel by rays.

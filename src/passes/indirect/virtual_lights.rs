@@ -7,6 +7,7 @@ use crate::passes::gather::{fragment_receivers, receivers};
 use crate::passes::lights::virtual_light::{Rsm, Tree, VirtualLights};
 use crate::passes::lights::{rsm_rays, rsm_tree, vpl_clusters, vpl_grid, vpl_importance};
 use crate::passes::refine::one_pass::{self, Listed};
+use crate::passes::refine::vpl_lists;
 use crate::passes::visibility::{Ray, Receiver};
 use crate::passes::{Context, GBuffer, TILE_PIXELS, upsample};
 use crate::plan;
@@ -44,12 +45,24 @@ pub fn check(snapshot: &Snapshot, settings: &Settings, gpu: &Gpu) -> Result<()> 
                    same result";
         return Err(Error::Settings(why.to_owned()));
     }
+    check_lists(settings)?;
     rsm_rays::check(settings, snapshot, gpu.limits().max_storage_buffer_binding_size)?;
     if settings.is("indirect", "splat") && settings.is("form_factor", "quad") {
         let why = "form_factor=\"quad\" is not available with indirect=\"splat\"; allowed: point, disc";
         return Err(Error::Settings(why.to_owned()));
     }
     Ok(())
+}
+
+/// What goes together with fragments for each virtual light.
+fn check_lists(settings: &Settings) -> Result<()> {
+    let refuse = |name: &str, value: &str, allowed: &str| {
+        let why = format!("setting {name} is {value:?} with refine_lists=\"per-light\"; allowed: {allowed}");
+        if plan::has_lists_per_light(settings) && settings.is(name, value) { Err(Error::Settings(why)) } else { Ok(()) }
+    };
+    refuse("indirect", "hierarchical", "splat, gather, clustered")?;
+    refuse("indirect_visibility", "on", "off")?;
+    refuse("form_factor", "quad", "point, disc")
 }
 
 fn lights(context: &mut Context<'_, '_>, rsm: &Rsm) -> Result<Lights> {
@@ -199,7 +212,21 @@ pub fn record(context: &mut Context<'_, '_>, gbuffer: &GBuffer) -> Result<Indire
         Lights::List(lights) => Evaluations { counted: None, receivers: Some(work.active), each: lights.count as u64 },
     };
     let levels = fragments.map(|fragments| [fragments.level_map, fragments.reason_map]);
-    Ok(Indirect { irradiance, levels, evaluations })
+    Ok(Indirect { irradiance, levels, specular: None, evaluations })
+}
+
+/// Indirect light where each virtual light has fragments of its own.
+///
+/// # Errors
+/// Those of the device; `Settings`; `Cancelled`.
+pub fn per_light(context: &mut Context<'_, '_>, gbuffer: &GBuffer, glossy: bool) -> Result<Indirect> {
+    let rsm = rsm_rays::record(context)?;
+    let Lights::List(list) = lights(context, &rsm)? else {
+        return Err(Error::Settings("refine_lists=\"per-light\" needs a list of virtual lights".to_owned()));
+    };
+    let reflected = vpl_lists::record(context, gbuffer, &list, glossy)?;
+    let evaluations = Evaluations { counted: Some(reflected.evaluations), receivers: None, each: 0 };
+    Ok(Indirect { irradiance: reflected.irradiance, levels: None, specular: reflected.radiance, evaluations })
 }
 
 /// How many virtual lights were evaluated, as far as the host knows before the frame ends.

@@ -35,7 +35,22 @@ pub struct VplListsParams {
     /// How far each virtual light reaches.
     pub reach: f32,
     /// Unused.
-    pub pad: [u32; 3],
+    pub pad0: u32,
+    /// Unused.
+    pub pad1: u32,
+    /// Unused.
+    pub pad2: u32,
+}
+
+/// What the surfaces reflect of all virtual lights.
+#[derive(Debug, Clone)]
+pub struct Reflected {
+    /// Irradiance a pixel.
+    pub irradiance: Buffer<[f32; 4]>,
+    /// Radiance a pixel that lobes send to the eye, where they were asked for.
+    pub radiance: Option<Buffer<[f32; 4]>>,
+    /// Virtual lights looked at from a point: bytes and the rest, as of `light_cut`.
+    pub evaluations: Buffer<u32>,
 }
 
 /// What a batch works on.
@@ -53,6 +68,7 @@ pub struct Lists {
     pub held: [Buffer<[f32; 4]>; 2],
     /// Whether there are lobes.
     pub glossy: bool,
+    evaluations: Buffer<u32>,
     listed: Buffer<u32>,
     list: Buffer<u32>,
     arguments: Buffer<u32>,
@@ -65,7 +81,7 @@ fn batches(lights: usize, texels: usize) -> Vec<(usize, usize)> {
     (0..lights).step_by(len).map(|first| (first, len.min(lights - first))).collect()
 }
 
-/// Irradiance a pixel from all virtual lights, and where `glossy` the radiance that lobes send to the eye.
+/// What every pixel reflects of all virtual lights, that of lobes where `glossy`. Quadrilaterals are taken for discs.
 ///
 /// # Errors
 /// Those of the device; `Settings` for levels in the wrong order; `Cancelled`.
@@ -74,7 +90,7 @@ pub fn record(
     gbuffer: &GBuffer,
     lights: &VirtualLights,
     glossy: bool,
-) -> Result<(Buffer<[f32; 4]>, Option<Buffer<[f32; 4]>>)> {
+) -> Result<Reflected> {
     let chosen = one_pass::levels(context)?;
     // What a texel keeps lights its children, so that those of level 1 are pixels already.
     let pyramid = Pyramid { coarsest: chosen.coarsest.max(1), ..chosen };
@@ -89,18 +105,29 @@ pub fn record(
     for image in [&irradiance, &radiance, &lists.held[0], &lists.held[1]] {
         context.recorder.clear(image)?;
     }
+    context.recorder.clear(&lists.evaluations)?;
     let images = [&irradiance, &radiance];
     let reach = reach(context.settings);
     for (first, count) in batches {
         let words = count.div_ceil(LIGHTS) as u32;
-        let params = VplListsParams { first: first as u32, count: count as u32, words, lowest, reach, pad: [0; 3] };
+        let params = VplListsParams {
+            first: first as u32,
+            count: count as u32,
+            words,
+            lowest,
+            reach,
+            pad0: 0,
+            pad1: 0,
+            pad2: 0,
+        };
         lists.batch(context, &params)?;
         if lowest == 1 {
+            lists.count(context, &params)?;
             vpl_pixels::pixels(context, gbuffer, &lists, &params, images)?;
         }
     }
     vpl_pixels::levels(context, &lists, lowest, images)?;
-    Ok((irradiance, glossy.then_some(radiance)))
+    Ok(Reflected { irradiance, radiance: glossy.then_some(radiance), evaluations: lists.evaluations })
 }
 
 impl Lists {
@@ -123,6 +150,7 @@ impl Lists {
             masks: pool.buffer("vpl_masks", masks)?,
             held: [pool.buffer("held_irradiance", texels)?, held_radiance],
             glossy,
+            evaluations: pool.buffer("virtual_evaluations", 2)?,
             listed: pool.buffer("vpl_listed", most)?,
             list: pool.buffer("vpl_list", most)?,
             arguments: pool.buffer_for("vpl_list_arguments", 4, Usage::Indirect)?,
@@ -143,6 +171,15 @@ impl Lists {
         Ok(())
     }
 
+    /// Adds up what is left for pixels.
+    fn count(&self, context: &mut Context<'_, '_>, params: &VplListsParams) -> Result<()> {
+        let kernel = context.kernel("refine/vpl_lists", "count")?;
+        let pass = context.recorder.pass("vpl_lists", &kernel).uniform("params", params);
+        let pass = pass.uniform("pyramid", &self.pyramid).bind("texel_state", &self.state);
+        let pass = pass.bind("masks", &self.masks).bind("evaluations", &self.evaluations);
+        pass.dispatch(self.pyramid.levels[1][3] as usize)
+    }
+
     fn level(&self, context: &mut Context<'_, '_>, params: &VplListsParams, level: u32) -> Result<()> {
         let pyramid = self.pyramid.at(level);
         let constants = vpl_points::constants(context, self.glossy);
@@ -156,6 +193,7 @@ impl Lists {
         let pass = pass.bind("points", &self.points.points).bind("short_lights", &self.points.lights);
         let pass = pass.bind("texel_state", &self.state).bind("masks", &self.masks).bind("list", &self.list);
         let pass = pass.bind("held_irradiance", &self.held[0]).bind("held_radiance", &self.held[1]);
+        let pass = pass.bind("evaluations", &self.evaluations);
         pass.dispatch_indirect(&self.arguments, 0)?;
         if level == params.lowest {
             return Ok(());

@@ -100,8 +100,9 @@ def bounds(receiver: Any, node: Any) -> tuple[float, float]:
     """Least and largest irradiance a unit of flux that points of the node may give."""
     n, facing = receiver["normal_shade"].astype(np.float64), node["normal"].astype(np.float64)
     d = node["position"].astype(np.float64) - receiver["origin"]
-    far, radius, thickness = np.linalg.norm(d), float(node["radius"]), float(node["thickness"])
-    near, outermost = max(far - radius, 0.0), far + radius
+    far, radius, thickness = float(np.linalg.norm(d)), float(node["radius"]), float(node["thickness"])
+    near: float = max(far - radius, 0.0)
+    outermost = far + radius
     turned = float(n @ facing)
     along = min(radius, radius * np.sqrt(max(1 - turned**2, 0)) + thickness * abs(turned))
     height, behind = float(n @ d), float(-facing @ d)

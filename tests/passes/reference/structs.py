@@ -173,7 +173,13 @@ SHADED_POINT = np.dtype(
     ]
 )
 VPL_POINTS = np.dtype([("lights", "<u4"), ("reach", "<f4"), ("threshold", "<f4"), ("pad", "<u4")])
-VPL_LISTS = np.dtype([*_fields("first", "count", "words", "lowest"), ("reach", "<f4"), ("pad", "<u4", 3)])
+VPL_LISTS = np.dtype(
+    [
+        *_fields("first", "count", "words", "lowest"),
+        ("reach", "<f4"),
+        *_fields("pad0", "pad1", "pad2"),
+    ]
+)
 FRAGMENT_RECEIVERS = np.dtype(_fields("first", "patterns", "seed", "pad"))
 PYRAMID = np.dtype(
     [("levels", "<u4", (17, 4)), *_fields("coarsest", "finest", "level"), ("pixel_width", "<f4")]

@@ -164,6 +164,7 @@ class Lists:
     irradiance: dict[int, Array]
     radiance: dict[int, Array]
     bounds: dict[int, tuple[Array, Array]]
+    evaluations: int
 
 
 def change(case: Case, level: int) -> Array:
@@ -187,10 +188,11 @@ def lists(case: Case, limit: float, lowest: int = 1) -> Lists:
     """Level by level: what differs by more than the limit, or is rough, goes to the children."""
     top = case.states[case.coarsest]
     given = np.repeat(((top & LIT) != 0)[..., None], len(case.lights), axis=-1)
-    out = Lists(given, {}, {}, {})
+    out = Lists(given, {}, {}, {}, 0)
     for level in range(case.coarsest, max(lowest, 2) - 1, -1):
         shape = case.states[level - 1].shape
         rough = ((case.states[level] & ROUGH_DEPTH) != 0)[..., None]
+        out.evaluations += 5 * int((given & ~(rough & (level > lowest))).sum())
         splits = (rough | (change(case, level) > limit)) & (level > lowest)
 
         def spread(flags: Flags, shape: tuple[int, ...] = shape) -> Flags:
@@ -204,6 +206,9 @@ def lists(case: Case, limit: float, lowest: int = 1) -> Lists:
         out.bounds[level - 1] = case.bounds(case.middles(level - 1))
         given = spread(given & splits) & lit
     out.left = given
+    if lowest == 1:
+        rows, columns = np.nonzero(case.states[0] & LIT)
+        out.evaluations += int(given[rows // 2, columns // 2].sum())
     return out
 
 

@@ -32,6 +32,7 @@ class Run:
         self.points, self.lights = case.points(), case.short_lights(limit)
         self.params: dict[str, NDArray[Any]] = {}
         self.tested = 0
+        self.evaluations = np.zeros(2, np.uint32)
 
     def _call(self, entry: str, threads: int, level: int, **arrays: NDArray[Any]) -> dict[str, Any]:
         pyramid = pyramid_record(self.case.view, self.case.coarsest, self.lowest, level)
@@ -56,16 +57,22 @@ class Run:
             some = {"list": np.append(numbers_here, 0).astype(np.uint32)}
             threads = len(numbers_here) + 64
             out = self._call("test", threads, level, masks=masks, **some, **self._light())
+            self.evaluations = read(out, "evaluations", np.uint32)
             for number, name in enumerate(("held_irradiance", "held_radiance")):
                 self.held[number] = read(out, name, np.float32, -1, 4)
             masks = read(out, "masks", np.uint32)
             if level > self.lowest:
                 listed = np.zeros(self.levels[1][3], np.uint32)
                 out = self._call("split", threads, level, masks=masks, listed=listed, **some)
-        return read(out, "masks", np.uint32)
+        masks = read(out, "masks", np.uint32)
+        if self.lowest == 1:
+            out = self._call("count", self.levels[1][3], 0, masks=masks, evaluations=self.evaluations)
+            self.evaluations = read(out, "evaluations", np.uint32)
+        return masks
 
     def _light(self) -> dict[str, NDArray[Any]]:
-        held = {"held_irradiance": self.held[0], "held_radiance": self.held[1]}
+        held: dict[str, NDArray[Any]] = {"held_irradiance": self.held[0], "held_radiance": self.held[1]}
+        held["evaluations"] = self.evaluations
         return {"points": self.points, "short_lights": self.lights, **held}
 
     def batches(self, *counts: int) -> Run:
@@ -111,6 +118,7 @@ def test_lists_agree_with_the_recursion(
     expected = lists(case, limit, lowest)
     run = Run(runner, case, limit, lowest).batches(len(case.lights))
     agrees(run, expected)
+    assert run.evaluations @ [1, 256] == expected.evaluations
     if coarsest == 1:
         assert not run.held[0].any()
         return

@@ -19,6 +19,8 @@ use miplight::passes::refine::incremental::IncrementalParams;
 use miplight::passes::refine::nodes::NodesParams;
 use miplight::passes::refine::stop_guard::StopGuardParams;
 use miplight::passes::refine::sub_fragments::SubFragmentsParams;
+use miplight::passes::refine::vpl_lists::VplListsParams;
+use miplight::passes::refine::vpl_points::{ShadedPoint, ShortLight, VplPointsParams};
 use miplight::passes::specular::LobeLight;
 use miplight::passes::visibility::reuse::ReuseParams;
 
@@ -32,6 +34,7 @@ pub(crate) fn twins() -> Vec<(Layout, &'static str, &'static str)> {
     let extra = host_layout!(ExtraSamplesParams { patterns, seed, pad0, pad1 });
     let mut all = lobes();
     all.extend(virtual_lights());
+    all.extend(virtual_lists());
     all.extend(vec![
         (nodes, "passes/refine/nodes", "NodesParams"),
         (reuse(), "common/facing_bits", "ReuseParams"),
@@ -97,6 +100,19 @@ fn virtual_lights() -> Vec<(Layout, &'static str, &'static str)> {
         (clusters, "passes/lights/vpl_clusters", "VplClustersParams"),
         (dense, "passes/lights/vpl_importance", "VplImportanceParams"),
         (regular, "passes/lights/vpl_grid", "VplGridParams"),
+    ]
+}
+
+fn virtual_lists() -> Vec<(Layout, &'static str, &'static str)> {
+    let point = host_layout!(ShadedPoint { origin, exponent, normal_shade, red, normal_geo, green, mirror, blue });
+    let short = host_layout!(ShortLight { place, facing, flux });
+    let points = host_layout!(VplPointsParams { lights, reach, threshold, pad });
+    let lists = host_layout!(VplListsParams { first, count, words, lowest, reach, pad0, pad1, pad2 });
+    vec![
+        (point, "common/shaded_point", "ShadedPoint"),
+        (short, "common/shaded_point", "ShortLight"),
+        (points, "passes/refine/vpl_points", "VplPointsParams"),
+        (lists, "common/vpl_masks", "VplListsParams"),
     ]
 }
 
