@@ -70,6 +70,10 @@ bench-area: setup ## Hold paper C's preset against its bounds; writes benches/re
 bench-area-2016: setup ## Hold paper D's preset against its bounds; writes benches/results
 	$(BIN)/python benches/area2016.py
 
+.PHONY: bench-virtual-lights
+bench-virtual-lights: setup ## Hold the presets of papers A and B against their bounds; writes benches/results
+	$(BIN)/python benches/virtual_lights.py
+
 .PHONY: bench-gpu
 bench-gpu: setup ## The same on a GPU, without Mitsuba
 	$(BIN)/python benches/run.py --adapter gpu --no-mitsuba
