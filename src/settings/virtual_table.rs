@@ -119,7 +119,7 @@ pub(super) const VIRTUAL: &[Spec] = &[
     int(
         "indirect_rays",
         [1, 1024],
-        16,
+        32,
         "Rays of a fragment towards virtual lights chosen by what they contribute; `indirect_visibility` on.",
         "[WFA05]",
     ),
