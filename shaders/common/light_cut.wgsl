@@ -4,6 +4,7 @@
 
 import package::common::basis::PI;
 import package::common::form_factor::{Lit, disc_irradiance};
+import package::common::near_lights::virtual_lights;
 import package::common::virtual_light::tree_level_first;
 
 const BOUND_PAPER: u32 = 0u;
@@ -26,7 +27,6 @@ struct CutParams {
 }
 
 @group(0) @binding(10) var<uniform> params: CutParams;
-@group(0) @binding(11) var<storage, read> virtual_lights: array<vec4f>;
 @group(0) @binding(12) var<storage, read> ranges: array<vec4f>;
 
 struct Visit {

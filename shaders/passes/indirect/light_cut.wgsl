@@ -1,24 +1,19 @@
 // Irradiance at each receiver from a cut of its own through the tree of virtual lights [NSW09 Sec. 3.5].
 // In: receivers, the tree, maps. Out: irradiance, w: its mean over the channels with discs alone; in and out: how many nodes were evaluated.
 
-import package::common::form_factor::{
-    DISC, Lit, QUAD, disc_irradiance, is_near, patch_of, quad_irradiance,
-};
+import package::common::form_factor::{DISC, Lit, QUAD, disc_irradiance, is_near};
 import package::common::grid::{Grid, item_index};
 import package::common::light_cut::{
-    after, below, first_visit, node_of, params, ranges, reference_irradiance, splits, virtual_lights,
+    after, below, first_visit, node_of, params, ranges, reference_irradiance, splits,
 };
+import package::common::near_lights::{MOST_NEAR, maps, near_irradiance, virtual_lights};
 import package::common::ray::Receiver;
 import package::common::receiver::INACTIVE;
-import package::common::rsm::RsmMap;
 
 override FORM: u32 = 1u;
-// Quadrilaterals of a receiver at most; what is near beyond that is taken for discs.
-const MOST_NEAR: u32 = 64u;
 
 @group(0) @binding(30) var<uniform> grid: Grid;
 @group(0) @binding(1) var<storage, read> receivers: array<Receiver>;
-@group(0) @binding(2) var<storage, read> maps: array<RsmMap>;
 @group(0) @binding(3) var<storage, read_write> irradiance: array<vec4f>;
 @group(0) @binding(4) var<storage, read_write> evaluations: array<atomic<u32>>;
 
@@ -63,15 +58,9 @@ fn main(
     }
     var unshadowed = (sum.x + sum.y + sum.z) / 3.0;
     for (var k = 0u; k < nears; k++) {
-        let row = 4u * near[k];
-        let shape = bitcast<vec4u>(virtual_lights[row + 3u]);
-        let place = virtual_lights[row];
-        let facing = virtual_lights[row + 1u];
-        let flux = virtual_lights[row + 2u].xyz;
-        let polygon = patch_of(at, place.xyz, facing.xyz, maps[shape.w >> 16u], shape.z, shape.w);
-        let disc = disc_irradiance(at, place, facing, flux, true, params.reach);
-        unshadowed += (disc.x + disc.y + disc.z) / 3.0;
-        sum += select(disc, quad_irradiance(at, place, facing, flux, polygon), polygon.count > 0u);
+        let light = near_irradiance(at, 4u * near[k], params.reach);
+        unshadowed += light.w;
+        sum += light.xyz;
     }
     irradiance[r.pixel] = vec4f(sum, unshadowed);
     // Two words, so that their sum may be larger than one.

@@ -2,13 +2,11 @@
 // In: receivers, the list, maps. Out: irradiance, w: its mean over the channels with
 // discs alone.
 
-import package::common::form_factor::{
-    DISC, Lit, QUAD, disc_irradiance, is_near, patch_of, quad_irradiance,
-};
+import package::common::form_factor::{DISC, Lit, QUAD, disc_irradiance, is_near};
 import package::common::grid::{Grid, item_index};
+import package::common::near_lights::{MOST_NEAR, maps, near_irradiance, virtual_lights};
 import package::common::ray::Receiver;
 import package::common::receiver::INACTIVE;
-import package::common::rsm::RsmMap;
 
 struct VplGatherParams {
     count: u32,
@@ -18,14 +16,10 @@ struct VplGatherParams {
 }
 
 override FORM: u32 = 0u;
-// Quadrilaterals of a receiver at most; what is near beyond that is taken for discs.
-const MOST_NEAR: u32 = 64u;
 
 @group(0) @binding(30) var<uniform> grid: Grid;
 @group(0) @binding(0) var<uniform> params: VplGatherParams;
 @group(0) @binding(1) var<storage, read> receivers: array<Receiver>;
-@group(0) @binding(2) var<storage, read> maps: array<RsmMap>;
-@group(0) @binding(3) var<storage, read> virtual_lights: array<vec4f>;
 @group(0) @binding(4) var<storage, read_write> irradiance: array<vec4f>;
 
 @compute @workgroup_size(64)
@@ -59,15 +53,9 @@ fn main(
     }
     var unshadowed = (sum.x + sum.y + sum.z) / 3.0;
     for (var k = 0u; k < nears; k++) {
-        let row = 4u * near[k];
-        let shape = bitcast<vec4u>(virtual_lights[row + 3u]);
-        let place = virtual_lights[row];
-        let facing = virtual_lights[row + 1u];
-        let flux = virtual_lights[row + 2u].xyz;
-        let polygon = patch_of(at, place.xyz, facing.xyz, maps[shape.w >> 16u], shape.z, shape.w);
-        let disc = disc_irradiance(at, place, facing, flux, true, params.reach);
-        unshadowed += (disc.x + disc.y + disc.z) / 3.0;
-        sum += select(disc, quad_irradiance(at, place, facing, flux, polygon), polygon.count > 0u);
+        let light = near_irradiance(at, 4u * near[k], params.reach);
+        unshadowed += light.w;
+        sum += light.xyz;
     }
     irradiance[r.pixel] = vec4f(sum, unshadowed);
 }

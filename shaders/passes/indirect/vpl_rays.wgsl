@@ -7,8 +7,9 @@
 import package::common::form_factor::{DISC, Lit, disc_irradiance};
 import package::common::grid::{Grid, item_index};
 import package::common::light_cut::{
-    after, below, first_visit, mean_of, node_of, params, ranges, reference_irradiance, splits, virtual_lights,
+    after, below, first_visit, mean_of, node_of, params, ranges, reference_irradiance, splits,
 };
+import package::common::near_lights::virtual_lights;
 import package::common::random::random4;
 import package::common::ray::{Ray, Receiver, inactive_ray};
 import package::common::receiver::INACTIVE;
