@@ -122,7 +122,7 @@ fn one_pass() -> Layout {
         depth_metric,
         normal_metric,
         lights,
-        pad0,
+        all_lit,
         pad1,
         pad2
     })
