@@ -61,7 +61,7 @@ fn twins() -> Vec<(Layout, &'static str, &'static str)> {
         (gather, "common/gather_params", "GatherParams"),
         (fragments, "passes/gather/fragment_receivers", "FragmentReceiversParams"),
         (pyramid, "common/pyramid", "Pyramid"),
-        (one_pass(), "passes/refine/one_pass", "OnePassParams"),
+        (one_pass(), "common/rough_texel", "OnePassParams"),
         (compact, "passes/refine/compact", "CompactParams"),
         (composite, "passes/composite/composite", "CompositeParams"),
         (downsample, "passes/composite/downsample", "DownsampleParams"),
