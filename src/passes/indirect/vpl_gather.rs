@@ -21,7 +21,9 @@ pub struct VplGatherParams {
     /// How far each reaches.
     pub reach: f32,
     /// Unused.
-    pub pad: [u32; 2],
+    pub pad0: u32,
+    /// Unused.
+    pub pad1: u32,
 }
 
 /// Irradiance of `count` receivers at the places that their `pixel` says.
@@ -35,7 +37,8 @@ pub fn record(
     lights: &VirtualLights,
     irradiance: &Buffer<[f32; 4]>,
 ) -> Result<()> {
-    let params = VplGatherParams { count: lights.count as u32, reach: light_cut::reach(context.settings), pad: [0; 2] };
+    let params =
+        VplGatherParams { count: lights.count as u32, reach: light_cut::reach(context.settings), pad0: 0, pad1: 0 };
     let kernel = context.kernel_with("indirect/vpl_gather", "main", &[("FORM", form(context.settings))])?;
     let pass = context.recorder.pass("vpl_gather", &kernel).uniform("params", &params);
     let pass = pass.bind("receivers", receivers).bind("maps", &rsm.table);

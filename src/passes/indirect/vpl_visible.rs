@@ -16,7 +16,11 @@ pub struct VplVisibleParams {
     /// Of a receiver.
     pub rays: u32,
     /// Unused.
-    pub pad: [u32; 3],
+    pub pad0: u32,
+    /// Unused.
+    pub pad1: u32,
+    /// Unused.
+    pub pad2: u32,
 }
 
 /// Sums up the answers of `count` receivers: two rows each, what arrives and all that was asked.
@@ -29,7 +33,7 @@ pub fn sum_up(
     (occluded, weights): (&Buffer<u32>, &Buffer<[f32; 4]>),
     sums: &Buffer<[f32; 4]>,
 ) -> Result<()> {
-    let params = VplVisibleParams { rays: context.settings.int("indirect_rays"), pad: [0; 3] };
+    let params = VplVisibleParams { rays: context.settings.int("indirect_rays"), pad0: 0, pad1: 0, pad2: 0 };
     let kernel = context.kernel("indirect/vpl_visible", "sum_up")?;
     let pass = context.recorder.pass("vpl_visible", &kernel).uniform("params", &params);
     let pass = pass.bind("receivers", receivers).bind("occluded", occluded).bind("ray_weights", weights);

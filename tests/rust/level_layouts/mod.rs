@@ -2,7 +2,12 @@
 
 use miplight::gpu::layout::Layout;
 use miplight::host_layout;
+use miplight::passes::composite::composite::ModulateParams;
 use miplight::passes::gather::interleaved::InterleavedParams;
+use miplight::passes::indirect::light_cut::CutParams;
+use miplight::passes::indirect::vpl_gather::VplGatherParams;
+use miplight::passes::indirect::vpl_splat::VplSplatParams;
+use miplight::passes::indirect::vpl_visible::VplVisibleParams;
 use miplight::passes::lights::rsm_rays::RsmParams;
 use miplight::passes::lights::rsm_tree::RsmTreeParams;
 use miplight::passes::lights::virtual_light::{RsmMap, VirtualLight};
@@ -35,6 +40,7 @@ pub(crate) fn twins() -> Vec<(Layout, &'static str, &'static str)> {
     let mut all = lobes();
     all.extend(virtual_lights());
     all.extend(virtual_lists());
+    all.extend(virtual_fragments());
     all.extend(vec![
         (nodes, "passes/refine/nodes", "NodesParams"),
         (reuse(), "common/facing_bits", "ReuseParams"),
@@ -113,6 +119,34 @@ fn virtual_lists() -> Vec<(Layout, &'static str, &'static str)> {
         (short, "common/shaded_point", "ShortLight"),
         (points, "passes/refine/vpl_points", "VplPointsParams"),
         (lists, "common/vpl_masks", "VplListsParams"),
+    ]
+}
+
+fn virtual_fragments() -> Vec<(Layout, &'static str, &'static str)> {
+    let cut = host_layout!(CutParams {
+        roots,
+        coarsest,
+        finest,
+        maps,
+        bound,
+        threshold,
+        reach,
+        rays,
+        seed,
+        maps_size,
+        reference,
+        pad
+    });
+    let gather = host_layout!(VplGatherParams { count, reach, pad0, pad1 });
+    let splat = host_layout!(VplSplatParams { width, height, first, reach });
+    let visible = host_layout!(VplVisibleParams { rays, pad0, pad1, pad2 });
+    let modulate = host_layout!(ModulateParams { eye, modulation });
+    vec![
+        (cut, "common/light_cut", "CutParams"),
+        (gather, "passes/indirect/vpl_gather", "VplGatherParams"),
+        (splat, "passes/indirect/vpl_splat", "VplSplatParams"),
+        (visible, "passes/indirect/vpl_visible", "VplVisibleParams"),
+        (modulate, "passes/composite/composite", "ModulateParams"),
     ]
 }
 
