@@ -23,7 +23,7 @@ struct CutParams {
     seed: u32,
     maps_size: u32,     // texels along an edge of a map
     reference: u32,     // level that the irradiance is estimated at
-    width: u32,         // columns of the image, where receivers are pixels; 0: they are fragments
+    pad: u32,
 }
 
 @group(0) @binding(10) var<uniform> params: CutParams;
