@@ -115,7 +115,9 @@ def test_a_live_render_agrees_with_the_stored_one(name: str, request: pytest.Fix
     """The files are not out of date: a few samples now agree within their noise."""
     if STORED[name].needs_scenes:
         request.getfixturevalue("scenes_folder")
-    stored, spp = load(name), 16 if STORED[name].max_depth > 2 else 64
+    # a narrow spot's bounce is noisy: few paths find what it lights
+    spp = 512 if name == "spot_indirect" else 16 if STORED[name].max_depth > 2 else 64
+    stored = load(name)
     live = STORED[name].render(spp=spp, seed=11, cached=False)
     assert {key: live.info[key] for key in ("max_depth", "part", "pixel")} == {
         key: stored.info[key] for key in ("max_depth", "part", "pixel")
