@@ -120,12 +120,7 @@ impl Gpu {
             // each of their loops runs over a range or takes from a finite list.
             let module = unsafe { device.create_shader_module_trusted(descriptor, checks) };
             let groups = group_layouts(device, &label, &reflection.bindings, wgpu::ShaderStages::COMPUTE);
-            let refs: Vec<Option<&wgpu::BindGroupLayout>> = groups.iter().map(Option::as_ref).collect();
-            let layout = device.create_pipeline_layout(&wgpu::PipelineLayoutDescriptor {
-                label: Some(&label),
-                bind_group_layouts: &refs,
-                immediate_size: 0,
-            });
+            let layout = pipeline_layout(device, &label, &groups);
             let pipeline = device.create_compute_pipeline(&wgpu::ComputePipelineDescriptor {
                 label: Some(&label),
                 layout: Some(&layout),
@@ -137,12 +132,30 @@ impl Gpu {
             });
             (Pipeline::Compute(pipeline), groups)
         });
-        let (pipeline, groups) = made.map_err(|e| match e {
-            Error::Device(message) => Error::Shader(message),
-            other => other,
-        })?;
+        let (pipeline, groups) = made.map_err(as_shader_fault)?;
         Ok(Kernel { pipeline, groups, reflection, label })
     }
+}
+
+/// What goes wrong while a pipeline is made is the shader's fault.
+pub(crate) fn as_shader_fault(error: Error) -> Error {
+    match error {
+        Error::Device(message) => Error::Shader(message),
+        other => other,
+    }
+}
+
+pub(crate) fn pipeline_layout(
+    device: &wgpu::Device,
+    label: &str,
+    groups: &[Option<wgpu::BindGroupLayout>],
+) -> wgpu::PipelineLayout {
+    let refs: Vec<Option<&wgpu::BindGroupLayout>> = groups.iter().map(Option::as_ref).collect();
+    device.create_pipeline_layout(&wgpu::PipelineLayoutDescriptor {
+        label: Some(label),
+        bind_group_layouts: &refs,
+        immediate_size: 0,
+    })
 }
 
 pub(crate) fn group_layouts(

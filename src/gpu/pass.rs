@@ -10,6 +10,7 @@ use std::time::Instant;
 use bytemuck::Pod;
 
 use crate::error::{Error, Result};
+use crate::gpu::bind::Group;
 use crate::gpu::context::lock;
 use crate::gpu::kernel::{Kernel, Pipeline};
 use crate::gpu::recorder::{PIECE_NS, Recorder};
@@ -183,16 +184,11 @@ impl<'r, 'a> Pass<'r, 'a> {
     }
 
     fn record(&mut self, grid: Grid, dispatch: impl FnOnce(&mut wgpu::ComputePass<'_>)) -> Result<()> {
-        self.check_bindings()?;
         let kernel = self.kernel;
         let Pipeline::Compute(pipeline) = &kernel.pipeline else {
             return Err(self.fault("draws points and cannot be dispatched"));
         };
-        let uniforms = kernel.reflection.bindings.iter().filter(|b| b.kind == BindingKind::Uniform);
-        if !self.recorder.staging.fits(uniforms.map(|b| b.min_bytes as usize)) {
-            self.recorder.flush()?;
-        }
-        let groups = self.bind_groups(grid)?;
+        let groups = self.bound_groups(grid)?;
         let gpu = self.recorder.gpu.clone();
         let stage = self.stage.clone();
         let started = Instant::now();
@@ -210,13 +206,28 @@ impl<'r, 'a> Pass<'r, 'a> {
             }
             dispatch(&mut pass);
         })?;
+        self.recorded(started)
+    }
+
+    /// The bind groups of a pass that is about to be recorded, its bindings checked.
+    pub(crate) fn bound_groups(&mut self, grid: Grid) -> Result<Vec<Option<Group>>> {
+        self.check_bindings()?;
+        let uniforms = self.kernel.reflection.bindings.iter().filter(|b| b.kind == BindingKind::Uniform);
+        if !self.recorder.staging.fits(uniforms.map(|b| b.min_bytes as usize)) {
+            self.recorder.flush()?;
+        }
+        self.bind_groups(grid)
+    }
+
+    /// What follows the recording of a pass that began at `started`, so that its time is known.
+    pub(crate) fn recorded(&mut self, started: Instant) -> Result<()> {
         if self.recorder.clock.full() {
             self.recorder.flush()?;
         } else if !self.recorder.clock.on_gpu() {
             // Without timestamps the only honest time is that of the pass alone.
             self.recorder.flush()?;
             self.recorder.gpu.wait()?;
-            self.recorder.clock.add(&stage, started.elapsed().as_secs_f64() * 1e3);
+            self.recorder.clock.add(&self.stage, started.elapsed().as_secs_f64() * 1e3);
         }
         Ok(())
     }

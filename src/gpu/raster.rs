@@ -9,10 +9,10 @@ use std::time::Instant;
 
 use crate::error::{Error, Result};
 use crate::gpu::context::{Gpu, lock};
-use crate::gpu::kernel::{Kernel, Pipeline, group_layouts};
+use crate::gpu::kernel::{Kernel, Pipeline, as_shader_fault, group_layouts, pipeline_layout};
 use crate::gpu::pass::{Grid, Pass};
 use crate::gpu::recorder::{PIECE_NS, Recorder};
-use crate::gpu::reflect::{BindingKind, Reflection};
+use crate::gpu::reflect::Reflection;
 use crate::gpu::resource::Buffer;
 use crate::gpu::shader;
 
@@ -86,10 +86,7 @@ impl Gpu {
             let pipeline = pipeline(device, &label, &module, &groups, &constants);
             (Pipeline::Points(pipeline), groups)
         });
-        let (pipeline, groups) = made.map_err(|e| match e {
-            Error::Device(message) => Error::Shader(message),
-            other => other,
-        })?;
+        let (pipeline, groups) = made.map_err(as_shader_fault)?;
         Ok(Kernel { pipeline, groups, reflection, label })
     }
 }
@@ -101,12 +98,7 @@ fn pipeline(
     groups: &[Option<wgpu::BindGroupLayout>],
     constants: &[(&str, f64)],
 ) -> wgpu::RenderPipeline {
-    let refs: Vec<Option<&wgpu::BindGroupLayout>> = groups.iter().map(Option::as_ref).collect();
-    let layout = device.create_pipeline_layout(&wgpu::PipelineLayoutDescriptor {
-        label: Some(label),
-        bind_group_layouts: &refs,
-        immediate_size: 0,
-    });
+    let layout = pipeline_layout(device, label, groups);
     let add = wgpu::BlendComponent {
         src_factor: wgpu::BlendFactor::One,
         dst_factor: wgpu::BlendFactor::One,
@@ -168,16 +160,12 @@ impl Pass<'_, '_> {
     }
 
     fn draw(&mut self, target: &Target, vertices: u32, instances: Range<u32>, clear: bool) -> Result<()> {
-        self.check_bindings()?;
         let kernel = self.kernel;
         let Pipeline::Points(pipeline) = &kernel.pipeline else {
             return Err(self.fault("computes and cannot be drawn"));
         };
-        let uniforms = kernel.reflection.bindings.iter().filter(|b| b.kind == BindingKind::Uniform);
-        if !self.recorder.staging.fits(uniforms.map(|b| b.min_bytes as usize)) {
-            self.recorder.flush()?;
-        }
-        let groups = self.bind_groups(Grid::whole(vertices))?;
+        self.recorder.time_by_the_wall()?;
+        let groups = self.bound_groups(Grid::whole(vertices))?;
         let (gpu, stage, started) = (self.recorder.gpu.clone(), self.stage.clone(), Instant::now());
         let (encoder, clock) = self.recorder.parts();
         gpu.scoped(&format!("points {stage:?}"), || {
@@ -209,18 +197,22 @@ impl Pass<'_, '_> {
             }
             pass.draw(0..vertices, instances);
         })?;
-        if self.recorder.clock.full() {
-            self.recorder.flush()?;
-        } else if !self.recorder.clock.on_gpu() {
-            self.recorder.flush()?;
-            self.recorder.gpu.wait()?;
-            self.recorder.clock.add(&stage, started.elapsed().as_secs_f64() * 1e3);
-        }
-        Ok(())
+        self.recorded(started)
     }
 }
 
 impl Recorder<'_> {
+    /// Ends timestamps on a software adapter, for as long as the device lives: once something was drawn, Mesa's writes those
+    /// of compute passes too when the drawing is flushed, and every pass seems to take no time.
+    fn time_by_the_wall(&mut self) -> Result<()> {
+        if !self.gpu.software() || !self.clock.on_gpu() {
+            return Ok(());
+        }
+        self.flush()?;
+        self.gpu.wait()?;
+        self.clock.stop_timestamps(&self.gpu)
+    }
+
     /// Copies a target to a buffer, row by row, in order with the passes.
     ///
     /// # Errors

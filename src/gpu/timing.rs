@@ -1,6 +1,7 @@
 //! Where the time of a frame went: GPU timestamps for passes, wall clock for host work, and the rest by name.
 
 use std::sync::Mutex;
+use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Instant;
 
 use crate::error::Result;
@@ -73,13 +74,19 @@ impl QuerySet {
 pub(crate) struct QueryPool {
     free: Mutex<Vec<QuerySet>>,
     nanoseconds_per_tick: Option<f64>,
+    /// Timestamps are not to be trusted any more.
+    stopped: AtomicBool,
 }
 
 impl QueryPool {
     pub(crate) fn new(device: &wgpu::Device, queue: &wgpu::Queue) -> Self {
         let supported = device.features().contains(wgpu::Features::TIMESTAMP_QUERY);
         let period = f64::from(queue.get_timestamp_period());
-        Self { free: Mutex::default(), nanoseconds_per_tick: (supported && period > 0.0).then_some(period) }
+        Self {
+            free: Mutex::default(),
+            nanoseconds_per_tick: (supported && period > 0.0).then_some(period),
+            stopped: AtomicBool::new(false),
+        }
     }
 }
 
@@ -113,7 +120,7 @@ impl Clock {
     pub(crate) fn new(gpu: &Gpu) -> Result<Self> {
         let started = Instant::now();
         let pool = &gpu.shared().queries;
-        let set = match pool.nanoseconds_per_tick {
+        let set = match pool.nanoseconds_per_tick.filter(|_| !pool.stopped.load(Ordering::Relaxed)) {
             None => None,
             Some(_) => {
                 let free = lock(&pool.free).pop();
@@ -149,6 +156,14 @@ impl Clock {
             beginning_of_pass_write_index: Some(first),
             end_of_pass_write_index: Some(first + 1),
         })
+    }
+
+    /// From here on every pass is timed by the wall clock, in the frames to come as well; all passes must be done.
+    pub(crate) fn stop_timestamps(&mut self, gpu: &Gpu) -> Result<()> {
+        self.collect(gpu)?;
+        self.set = None;
+        gpu.shared().queries.stopped.store(true, Ordering::Relaxed);
+        Ok(())
     }
 
     /// Adds a wall-clock time.

@@ -79,6 +79,21 @@ def test_long_draws_are_cut_and_add_up(renderer: ml.Renderer) -> None:
     np.testing.assert_allclose(splatted, gathered, rtol=1e-5, atol=1e-7)
 
 
+def test_passes_take_time_after_something_was_drawn() -> None:
+    """Mesa's timestamps stop at the first draw; then the wall clock tells, and stages still fill the frame."""
+    place, settings = _place(256, 192), _settings(refine="none", indirect="gather", vpls=256)
+    with ml.Renderer() as renderer:
+        before = renderer.render(*place, settings).stats
+        drawn = renderer.render(*place, settings.replace(indirect="splat", vpls=16)).stats
+        after = [renderer.render(*place, settings).stats for _ in range(2)][-1]
+    gathered = [stats.stages["indirect/vpl_gather"] for stats in (before, after)]
+    assert 0.2 < gathered[1] / gathered[0] < 5
+    assert drawn.stages["indirect/vpl_splat"] > 0.5
+    for stats in (drawn, after):
+        assert sum(stats.stages.values()) == pytest.approx(stats.total_ms, rel=0.1)
+        assert stats.stages["host"] < 0.5 * stats.total_ms
+
+
 def test_a_radius_darkens(renderer: ml.Renderer) -> None:
     """What DS06 clips is lost: less light the smaller the radius."""
     place = _place(64, 48)
