@@ -30,19 +30,15 @@ pub struct SceneFacts {
 impl SceneFacts {
     /// Looks at what is there; lights without radiance do not count.
     pub fn of(snapshot: &Snapshot) -> Self {
-        let emits = |radiance: &Radiance| match radiance {
-            Radiance::Constant(c) => c.max_element() > 0.0,
-            Radiance::Textured(texture) => texture.mean().max_element() > 0.0,
-        };
         Self {
             meshes: snapshot.instances.len(),
             visible_lights: snapshot.area_lights.iter().filter(|l| l.visible).count(),
-            area_lights: snapshot.area_lights.iter().filter(|l| emits(&l.radiance)).count(),
-            spot_lights: snapshot.spot_lights.iter().filter(|l| l.intensity.max_element() > 0.0).count(),
+            area_lights: snapshot.area_lights.iter().filter(|l| l.emits()).count(),
+            spot_lights: snapshot.spot_lights.iter().filter(|l| l.emits()).count(),
             pictures: snapshot
                 .area_lights
                 .iter()
-                .filter(|l| emits(&l.radiance) && matches!(l.radiance, Radiance::Textured(_)))
+                .filter(|l| l.emits() && matches!(l.radiance, Radiance::Textured(_)))
                 .count(),
             specular: snapshot.instances.iter().filter(|i| i.is_specular()).count(),
         }

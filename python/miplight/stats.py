@@ -24,7 +24,7 @@ class Stats:
     rays
         Rays traced.
     light_evaluations
-        Pairs of a shading point and a light sample that were evaluated.
+        Pairs of a shading point and a light sample, or a virtual light, that were evaluated.
     skipped
         Passes that the plan left out, each with its reason.
     empty

@@ -4,13 +4,13 @@
 // leaves out, so that flux, not flux times area, lights a surface; a point has A = 0: NW09 Sec. 3.4 with unit vectors]
 
 import package::common::basis::PI;
-import package::common::polygon::{Polygon, clip, contour, far_polygon};
-import package::common::rsm::{RSM_AREA, RsmMap, rsm_direction, rsm_origin, rsm_tile};
+import package::common::polygon::{Polygon, clip, contour};
+import package::common::rsm::{RsmMap, rsm_direction, rsm_origin, rsm_tile};
 
 const POINT: u32 = 0u;
 const DISC: u32 = 1u;
 const QUAD: u32 = 2u;
-// A quadrilateral is exact where its middle is nearer than so many of its radii; a disc is as good beyond.
+// What is nearer than so many of its radii is taken for a quadrilateral; beyond, a point is as good, and a disc too dark.
 const NEAR_RADII: f32 = 4.0;
 // Patches seen more obliquely by the light have no quadrilateral.
 const LEAST_SLOPE: f32 = 0.02;
@@ -20,6 +20,10 @@ struct Lit {
     position: vec3f,
     normal_shade: vec3f,
     normal_geo: vec3f,
+}
+
+fn mean_of(v: vec3f) -> f32 {
+    return (v.x + v.y + v.z) / 3.0;
 }
 
 // As a point, or as a disc; zero where either cosine, or that to the geometric normal, is not positive, and beyond `reach`.

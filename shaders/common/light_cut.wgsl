@@ -3,7 +3,7 @@
 // ends a group of four is the one after their parent. A plain list is a tree of one level.
 
 import package::common::basis::PI;
-import package::common::form_factor::{Lit, disc_irradiance};
+import package::common::form_factor::{Lit, disc_irradiance, mean_of};
 import package::common::near_lights::virtual_lights;
 import package::common::virtual_light::tree_level_first;
 
@@ -53,10 +53,6 @@ fn after(visit: Visit) -> Visit {
     let level = visit.level - up;
     let place = number >> (2u * up);
     return Visit(level, place, (level == params.coarsest) & (place >= params.roots));
-}
-
-fn mean_of(v: vec3f) -> f32 {
-    return (v.x + v.y + v.z) / 3.0;
 }
 
 // As coarse as possible: what thresholds are relative to.

@@ -37,10 +37,10 @@ impl Plan {
         let at_once = (!iterative).then_some("refine is not iterative");
         self.add(&VPL_FRAGMENTS[..1], skip.or(pixels).or(flat));
         self.add(&VPL_FRAGMENTS[1..2], skip.or(pixels));
-        self.add(&VPL_FRAGMENTS[2..3], skip.or(pixels).or(flat).or(at_once));
         let shared = (!has_lists_per_light(settings)).then_some("fragments are shared: refine_lists is shared");
         self.add(&VPL_LISTS, skip.or(pixels).or(shared));
         let own = has_lists_per_light(settings).then_some("each virtual light has fragments of its own");
+        self.add(&VPL_FRAGMENTS[2..3], skip.or(pixels).or(own).or(flat).or(at_once));
         self.add(&VPL_FRAGMENTS[3..5], skip.or(pixels).or(own));
         self.add(&VPL_FRAGMENTS[5..], skip.or((!settings.is("refine", "none")).then_some("fragments are shaded")));
         let ways = [["gather", "clustered"], ["splat", "splat"], ["hierarchical", "hierarchical"]];

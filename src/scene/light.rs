@@ -67,6 +67,11 @@ impl AreaLight {
         self.edge_u.cross(self.edge_v).length()
     }
 
+    /// Whether any light leaves it.
+    pub fn emits(&self) -> bool {
+        self.mean_radiance().max_element() > 0.0
+    }
+
     /// Mean radiance over the light.
     pub fn mean_radiance(&self) -> Vec3 {
         match &self.radiance {
@@ -110,6 +115,11 @@ impl SpotLight {
             )));
         }
         check_color(&format!("intensity of spot light {:?}", self.name), self.intensity)
+    }
+
+    /// Whether any light leaves it.
+    pub fn emits(&self) -> bool {
+        self.intensity.max_element() > 0.0
     }
 
     /// Unit axis of the cone.

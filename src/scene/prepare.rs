@@ -103,6 +103,11 @@ pub struct Prepared {
 }
 
 impl Prepared {
+    /// Whether a light emits nothing.
+    pub fn is_dark(&self, light: usize) -> bool {
+        self.light_rows[light * LIGHT_ROWS + RADIANCE_ROW][..3].iter().all(|&channel| channel <= 0.0)
+    }
+
     /// What shaders must be able to do for the instances: twins of `SMOOTH`, `COLORS`, `TEXTURE` in
     /// `shaders/common/surface.wgsl`.
     pub fn features(&self) -> u32 {

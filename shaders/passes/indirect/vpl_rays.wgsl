@@ -4,18 +4,17 @@
 // In: receivers, the cut or list, irradiance (w: its mean over the channels), texels of the maps. Out: rays; for each
 // what it stands for, rgb.
 
-import package::common::form_factor::{DISC, Lit, disc_irradiance};
+import package::common::form_factor::{DISC, Lit, disc_irradiance, mean_of};
 import package::common::grid::{Grid, item_index};
 import package::common::light_cut::{
-    after, below, first_visit, mean_of, node_of, params, ranges, reference_irradiance, splits,
+    after, below, first_visit, node_of, params, ranges, reference_irradiance, splits,
 };
-import package::common::near_lights::virtual_lights;
+import package::common::near_lights::{FORM, virtual_lights};
 import package::common::random::random4;
 import package::common::ray::{Ray, Receiver, inactive_ray};
 import package::common::receiver::INACTIVE;
 import package::common::rsm::RSM_ROWS;
 
-override FORM: u32 = 1u;
 // Whether there is a tree to descend.
 override TREE: bool = true;
 

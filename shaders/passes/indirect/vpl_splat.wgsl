@@ -5,7 +5,7 @@
 //   spread    from the target's pixels to the receivers' numbers
 // In: receivers, virtual lights. Out: the target; irradiance, w: its mean over the channels.
 
-import package::common::form_factor::{DISC, Lit, disc_irradiance};
+import package::common::form_factor::{DISC, Lit, disc_irradiance, mean_of};
 import package::common::grid::{Grid, item_index};
 import package::common::ray::Receiver;
 import package::common::receiver::INACTIVE;
@@ -51,7 +51,7 @@ fn fragment(splat: Splat) -> @location(0) vec4f {
     let light = disc_irradiance(
         Lit(r.origin, r.normal_shade, r.normal_geo),
         virtual_lights[row], virtual_lights[row + 1u], virtual_lights[row + 2u].xyz, FORM == DISC, params.reach);
-    return vec4f(light, (light.x + light.y + light.z) / 3.0);
+    return vec4f(light, mean_of(light));
 }
 
 @compute @workgroup_size(64)

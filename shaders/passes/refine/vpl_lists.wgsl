@@ -11,6 +11,7 @@
 // lights looked at from a point: bytes and the rest). Out: listed.
 
 import package::common::basis::PI;
+import package::common::evaluations::{evaluated, evaluations};
 import package::common::fragment::{LIT, ROUGH};
 import package::common::grid::{Grid, item_index};
 import package::common::pyramid::{pyramid, texel_number, texel_of};
@@ -30,7 +31,6 @@ override GLOSSY: bool = false;
 @group(0) @binding(6) var<storage, read> list: array<u32>;
 @group(0) @binding(7) var<storage, read_write> held_irradiance: array<vec4f>;
 @group(0) @binding(8) var<storage, read_write> held_radiance: array<vec4f>;
-@group(0) @binding(9) var<storage, read_write> evaluations: array<atomic<u32>>;
 
 // The middle of a texel and of its four children, and what their lights sum up to.
 struct Five {
@@ -105,12 +105,6 @@ fn differs(five: ptr<function, Five>, light: ShortLight, all_kept: bool) -> bool
         (*five).radiance[k] += flux * specular_of((*five).points[k]) * found[k].y;
     }
     return false;
-}
-
-// Two words, so that their sum may be larger than one.
-fn evaluated(count: u32) {
-    atomicAdd(&evaluations[0], count & 255u);
-    atomicAdd(&evaluations[1], count >> 8u);
 }
 
 @compute @workgroup_size(64)

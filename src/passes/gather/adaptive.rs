@@ -13,7 +13,6 @@ use crate::passes::refine::uniform_levels::Levels;
 use crate::passes::refine::zone::{self, Cells};
 use crate::passes::refine::{cell_rays, cells, compact, penumbra_rays, zone_rays};
 use crate::passes::{Context, GBuffer, TILE_PIXELS};
-use crate::scene::prepare::{LIGHT_ROWS, RADIANCE_ROW};
 
 /// Largest `finest_level`: that of the cells.
 const FINEST: u32 = 1;
@@ -76,8 +75,7 @@ pub fn record(context: &mut Context<'_, '_>, gbuffer: &GBuffer, keep: bool) -> R
     let mut proven = Vec::new();
     let mut levels = Levels::new(context, gbuffer, context.view.tiled as usize / TILE_PIXELS as usize)?;
     for light in 0..context.prepared.lights {
-        let row = context.prepared.light_rows[light * LIGHT_ROWS + RADIANCE_ROW];
-        if row[..3].iter().all(|&channel| channel <= 0.0) {
+        if context.prepared.is_dark(light) {
             proven.push(None);
             continue;
         }

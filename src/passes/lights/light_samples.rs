@@ -215,11 +215,13 @@ pub fn parts(context: &mut Context<'_, '_>, light: usize, across: u32, to: Slice
     radiance(context, &params, to)
 }
 
-fn rows<'p>(context: &Context<'p, '_>, light: usize) -> &'p [[f32; 4]] {
+/// The rows of a light's table.
+pub(super) fn rows<'p>(context: &Context<'p, '_>, light: usize) -> &'p [[f32; 4]] {
     &context.prepared.light_rows[light * LIGHT_ROWS..][..LIGHT_ROWS]
 }
 
-fn xyz(row: [f32; 4]) -> Vec3 {
+/// A row without its fourth number.
+pub(super) fn xyz(row: [f32; 4]) -> Vec3 {
     Vec3::new(row[0], row[1], row[2])
 }
 

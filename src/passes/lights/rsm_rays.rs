@@ -8,7 +8,7 @@ use crate::error::{Error, Result};
 use crate::gpu::Buffer;
 use crate::passes::Context;
 use crate::passes::visibility::{Hit, Ray};
-use crate::scene::prepare::{LIGHT_ROWS, RADIANCE_ROW};
+use crate::scene::prepare::RADIANCE_ROW;
 use crate::scene::snapshot::Snapshot;
 use crate::settings::Settings;
 
@@ -53,8 +53,8 @@ fn longest(settings: &Settings, maps: usize) -> usize {
 /// # Errors
 /// `Settings`.
 pub fn check(settings: &Settings, snapshot: &Snapshot, most: u64) -> Result<()> {
-    let areas = snapshot.area_lights.iter().filter(|light| light.mean_radiance().max_element() > 0.0);
-    let spots = snapshot.spot_lights.iter().filter(|light| light.intensity.max_element() > 0.0);
+    let areas = snapshot.area_lights.iter().filter(|light| light.emits());
+    let spots = snapshot.spot_lights.iter().filter(|light| light.emits());
     let maps = areas.map(|light| 1 + usize::from(light.two_sided)).sum::<usize>() + spots.count();
     let bytes = longest(settings, maps) as u64;
     if bytes <= most {
@@ -73,13 +73,8 @@ fn tiles(settings: &Settings) -> u32 {
     settings.int("rsm_light_points").isqrt().min(most).max(1)
 }
 
-/// A light's table row without its fourth number.
-fn xyz(row: [f32; 4]) -> [f32; 3] {
-    [row[0], row[1], row[2]]
-}
-
 fn spot_map(context: &Context<'_, '_>, light: usize) -> RsmMap {
-    let rows = &context.prepared.light_rows[light * LIGHT_ROWS..][..LIGHT_ROWS];
+    let rows = light_samples::rows(context, light);
     let cos = f64::from(rows[4][3]);
     let tan2 = (1.0 - cos) * (1.0 + cos) / (cos * cos);
     let resolution = context.settings.int("rsm_resolution");
@@ -87,9 +82,9 @@ fn spot_map(context: &Context<'_, '_>, light: usize) -> RsmMap {
     // A square frustum's solid angle, shared by its texels [NSW09 Eq. 4].
     let share = 4.0 * (tan2 / (1.0 + tan2)).asin() / (f64::from(resolution) * f64::from(resolution));
     RsmMap {
-        origin: xyz(rows[0]),
+        origin: light_samples::xyz(rows[0]).to_array(),
         kind: 0,
-        axis: xyz(rows[3]),
+        axis: light_samples::xyz(rows[3]).to_array(),
         tan_half: tan2.sqrt() as f32,
         cos_cutoff: rows[4][3],
         tiles: 1,
@@ -105,7 +100,7 @@ fn area_map(context: &Context<'_, '_>, light: usize, tiles: u32) -> RsmMap {
     RsmMap {
         origin,
         kind: 1,
-        axis: xyz(context.prepared.light_rows[light * LIGHT_ROWS + 3]),
+        axis: light_samples::xyz(light_samples::rows(context, light)[3]).to_array(),
         edge_u,
         edge_v,
         offset: (OFFSET * length_u.max(length_v)) as f32,
@@ -119,8 +114,7 @@ fn area_map(context: &Context<'_, '_>, light: usize, tiles: u32) -> RsmMap {
 fn maps_of(context: &Context<'_, '_>, tiles: u32) -> Vec<(RsmMap, usize)> {
     let mut maps = Vec::new();
     for light in 0..context.prepared.lights {
-        let rows = &context.prepared.light_rows[light * LIGHT_ROWS..][..LIGHT_ROWS];
-        if rows[RADIANCE_ROW][..3].iter().all(|&channel| channel <= 0.0) {
+        if context.prepared.is_dark(light) {
             continue;
         }
         if light >= context.prepared.area_lights {
@@ -129,7 +123,7 @@ fn maps_of(context: &Context<'_, '_>, tiles: u32) -> Vec<(RsmMap, usize)> {
         }
         let front = area_map(context, light, tiles);
         maps.push((front, light));
-        if rows[1][3] != 0.0 {
+        if light_samples::rows(context, light)[1][3] != 0.0 {
             maps.push((RsmMap { axis: front.axis.map(|x| -x), ..front }, light));
         }
     }
@@ -146,7 +140,7 @@ fn emitted(context: &mut Context<'_, '_>, maps: &[(RsmMap, usize)], stride: usiz
         if map.kind == 1 {
             light_samples::parts(context, *light, map.tiles, to.range(&gpu, first..first + stride)?)?;
         } else {
-            to.write(&gpu, first, &[context.prepared.light_rows[light * LIGHT_ROWS + RADIANCE_ROW]])?;
+            to.write(&gpu, first, &[light_samples::rows(context, *light)[RADIANCE_ROW]])?;
         }
     }
     Ok(to)

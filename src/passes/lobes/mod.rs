@@ -15,7 +15,6 @@ use crate::passes::visibility::occlusion::Occlusion;
 use crate::passes::visibility::{Hit, Ray, Receiver};
 use crate::passes::{Context, GBuffer, upsample};
 use crate::plan;
-use crate::scene::prepare::{LIGHT_ROWS, RADIANCE_ROW};
 use crate::settings::Settings;
 
 /// What is left of a lobe where its places end: few of them are better spent where it is high.
@@ -78,8 +77,7 @@ pub fn record(
         let receivers = lobe_points::record(context, gbuffer, &listed, count)?;
         let occlusion = Occlusion::of_rays(context);
         for light in samples.iter().filter(|light| light.is_area()) {
-            let row = context.prepared.light_rows[light.light as usize * LIGHT_ROWS + RADIANCE_ROW];
-            if row[..3].iter().any(|&channel| channel > 0.0) {
+            if !context.prepared.is_dark(light.light as usize) {
                 shade(context, &listed, &receivers, light, count, &occlusion, &lit)?;
             }
         }

@@ -7,8 +7,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from tests.passes.reference.pyramids import pyramid_record
 from tests.passes.reference.run import ULP, Runner, assert_not_within, assert_within, read
-from tests.passes.reference.structs import MISS, NOTHING, PYRAMID, RECEIVER, SURFACE, VIEW, record, row
+from tests.passes.reference.structs import MISS, NOTHING, RECEIVER, SURFACE, VIEW, record, row
 
 RAYS = 8
 
@@ -47,15 +48,6 @@ def test_sums_what_arrives_and_what_was_asked(runner: Runner, rng: np.random.Gen
     assert np.isnan(sums[:, :, 0]).all(axis=1).sum() == 1
 
 
-def _pyramid(width: int, height: int) -> NDArray[Any]:
-    levels, first = [], 0
-    for level in range(17):
-        columns, rows = -(-width // 2**level), -(-height // 2**level)
-        levels.append([columns, rows, first, columns * rows])
-        first += columns * rows
-    return record(PYRAMID, levels=levels, pixel_width=0.1)
-
-
 def _apply(
     runner: Runner,
     kinds: NDArray[Any],
@@ -74,7 +66,7 @@ def _apply(
         width * height,
         entry="apply",
         constants={"PIXELS": 1},
-        pyramid=_pyramid(width, height),
+        pyramid=pyramid_record(view, 0),
         view=view,
         g_position=row(position, 0),
         g_normal=row(up, kinds.reshape(-1)),

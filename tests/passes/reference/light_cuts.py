@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from .light_trees import morton
 from .structs import VIRTUAL_LIGHT
 
 Array = NDArray[np.float64]
@@ -53,10 +54,7 @@ def random_tree(rng: np.random.Generator, finest: int) -> Tree:
     """Points of a bumpy surface about z = 0 that looks up, an eighth of them dark; each leaf a small disc."""
     side = 2**finest
     leaves = np.zeros(4**finest, VIRTUAL_LIGHT)
-    number = np.arange(4**finest)
-    column = sum(((number >> (2 * b)) & 1) << b for b in range(finest))
-    row = sum(((number >> (2 * b + 1)) & 1) << b for b in range(finest))
-    x, y = (column + 0.5) / side - 0.5, (row + 0.5) / side - 0.5
+    x, y = ((morton(side) + 0.5) / side - 0.5).T
     bump = 0.02 * np.sin(9 * x) * np.cos(7 * y)
     leaves["position"] = np.stack([x, y, bump], axis=1)
     normal = np.stack(
