@@ -80,7 +80,7 @@ def test_long_draws_are_cut_and_add_up(renderer: ml.Renderer) -> None:
 
 
 def test_passes_take_time_after_something_was_drawn() -> None:
-    """Mesa's timestamps stop at the first draw; then the wall clock tells, and stages still fill the frame."""
+    """Mesa's timestamps stop at the first draw; then the wall clock tells, and stages fill the frame."""
     place, settings = _place(256, 192), _settings(refine="none", indirect="gather", vpls=256)
     with ml.Renderer() as renderer:
         before = renderer.render(*place, settings).stats
