@@ -5,15 +5,15 @@ import package::common::gbuffer::floats;
 import package::common::pyramid::{footprint, pyramid};
 import package::common::view::View;
 
+// Known beforehand, so that nothing is loaded for a metric that is not in use.
+override DEPTH_METRIC: u32 = 0u;    // 0 none, 1 range, 2 derivative, 3 plane
+override NORMAL_METRIC: u32 = 0u;   // 0 none, 1 component, 2 cone, 3 curvature
+
 struct OnePassParams {
     depth_threshold: f32,
     normal_threshold: f32,
-    depth_metric: u32,      // 0 none, 1 range, 2 derivative, 3 plane
-    normal_metric: u32,     // 0 none, 1 component, 2 cone, 3 curvature
     lights: u32,
-    all_lit: u32,           // 1: no light culls anything
-    pad1: u32,
-    pad2: u32,
+    pad: u32,
 }
 
 @group(0) @binding(0) var<uniform> params: OnePassParams;
@@ -24,17 +24,24 @@ struct OnePassParams {
 
 // The chord between unit normals 2 sin(angle / 2) is what the normal metrics compare.
 fn normal_change(slot: u32, width: f32) -> f32 {
+    if NORMAL_METRIC == 2u {
+        return sqrt(2.0 * spreads[2u * slot + 1u]);
+    }
+    if NORMAL_METRIC == 3u {
+        return bitcast<f32>(means[3u * slot + 1u].w) * width;
+    }
     let apart = ranges[2u * slot + 1u].xyz - ranges[2u * slot].xyz;
-    let component = max(apart.x, max(apart.y, apart.z));
-    let cone = sqrt(2.0 * spreads[2u * slot + 1u]);
-    let curvature = bitcast<f32>(means[3u * slot + 1u].w) * width;
-    return select(select(component, cone, params.normal_metric == 2u), curvature, params.normal_metric == 3u);
+    return max(apart.x, max(apart.y, apart.z));
 }
 
 fn depth_change(slot: u32) -> f32 {
-    let range = ranges[2u * slot + 1u].w - ranges[2u * slot].w;
-    let slope = bitcast<f32>(means[3u * slot + 2u].w);
-    return select(select(range, slope, params.depth_metric == 2u), spreads[2u * slot], params.depth_metric == 3u);
+    if DEPTH_METRIC == 2u {
+        return bitcast<f32>(means[3u * slot + 2u].w);
+    }
+    if DEPTH_METRIC == 3u {
+        return spreads[2u * slot];
+    }
+    return ranges[2u * slot + 1u].w - ranges[2u * slot].w;
 }
 
 // Bits of the texel's state, of `level` from 1 on, its row in the pyramid `slot`.
@@ -45,10 +52,10 @@ fn roughness(level: u32, texel: vec2u, slot: u32) -> u32 {
     let width = f32(1u << level) * pyramid.pixel_width * depth;
     let holes = surfaces < pixels.z * pixels.w;
     var state = 0u;
-    if params.depth_metric != 0u && (holes || depth_change(slot) > params.depth_threshold) {
+    if DEPTH_METRIC != 0u && (holes || depth_change(slot) > params.depth_threshold) {
         state |= ROUGH_DEPTH;
     }
-    if params.normal_metric != 0u && normal_change(slot, width) > params.normal_threshold {
+    if NORMAL_METRIC != 0u && normal_change(slot, width) > params.normal_threshold {
         state |= ROUGH_NORMAL;
     }
     return state;

@@ -116,16 +116,7 @@ fn adaptive() -> Vec<(Layout, &'static str, &'static str)> {
 }
 
 fn one_pass() -> Layout {
-    host_layout!(OnePassParams {
-        depth_threshold,
-        normal_threshold,
-        depth_metric,
-        normal_metric,
-        lights,
-        all_lit,
-        pad1,
-        pad2
-    })
+    host_layout!(OnePassParams { depth_threshold, normal_threshold, lights, pad })
 }
 
 fn view() -> Layout {

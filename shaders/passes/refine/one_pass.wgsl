@@ -2,7 +2,8 @@
 // finest level, and no texel that holds it is. Deviation: all of those are asked, not the parent alone, because a metric
 // relative to the fragment's width may be clean above and rough below.
 //   cull      which pixels any light may reach; a texel is culled when none of its pixels is
-//   classify  which texels are rough, from the pyramid
+//   all_lit   in its place where light comes from everywhere: pixels that see a surface are lit
+//   classify  which texels are rough, from the pyramid; with ALL_LIT which are lit, too, so that neither is needed
 //   choose    level and reason of every pixel, and the first pixel of every fragment
 // In: G-buffer, pyramid, lights. Out: texel_state, level_map, reason_map, fragment_flags, fragment_at.
 
@@ -17,6 +18,9 @@ import package::common::light::{Light, SPOT, light_at, lights};
 import package::common::pyramid::{level_of, pyramid, texel_number, texel_of};
 import package::common::rough_texel::{OnePassParams, means, params, ranges, roughness, spreads, view};
 import package::common::tiles::pixel_in_tile_order;
+
+// What light comes from everywhere reaches every surface: what `classify` and `choose` need no marks for.
+override ALL_LIT: bool = false;
 
 @group(0) @binding(30) var<uniform> grid: Grid;
 @group(0) @binding(3) var<storage, read> g_position: array<vec4u>;
@@ -78,11 +82,41 @@ fn cull(
     for (var p = 0u; p < 4u; p++) {
         if inside[p] && g_normal[at[p]].w == SURFACE {
             // The best of what each light may do: LIT, FACES_AWAY, LIES_BEHIND from the lowest bit on.
-            let all_of = found[p] | LIES_BEHIND | params.all_lit;
+            let all_of = found[p] | LIES_BEHIND;
             let best = all_of & (~all_of + 1u);
             any_of |= best;
             atomicOr(&marks[at[p]], best);
         }
+    }
+    if any_of != 0u {
+        for (var level = 1u; level <= pyramid.coarsest; level++) {
+            atomicOr(&marks[texel_number(pyramid.levels[level], first >> vec2u(level - 1u))], any_of);
+        }
+    }
+}
+
+// A thread for each block of 2 x 2 pixels.
+@compute @workgroup_size(64)
+fn all_lit(
+    @builtin(workgroup_id) group: vec3u,
+    @builtin(num_workgroups) groups: vec3u,
+    @builtin(local_invocation_index) lane: u32,
+) {
+    let i = item_index(grid, group, groups, 64u, lane);
+    if i >= grid.end {
+        return;
+    }
+    let first = texel_of(pyramid.levels[1], i);
+    var any_of = 0u;
+    for (var p = 0u; p < 4u; p++) {
+        let pixel = 2u * first + vec2u(p & 1u, p >> 1u);
+        let inside = all(pixel < pyramid.levels[0].xy);
+        let at = select(0u, pixel.y * pyramid.levels[0].x + pixel.x, inside);
+        let state = select(0u, LIT, inside && g_normal[at].w == SURFACE);
+        if inside {
+            atomicStore(&marks[at], state);
+        }
+        any_of |= state;
     }
     if any_of != 0u {
         for (var level = 1u; level <= pyramid.coarsest; level++) {
@@ -106,9 +140,20 @@ fn classify(
     let level = level_of(number);
     let size = pyramid.levels[level];
     let state = roughness(level, texel_of(size, number - size.z), slot);
-    if means[3u * slot].w != 0u {
+    let seen = means[3u * slot].w != 0u;
+    if ALL_LIT {
+        texel_state[number] = select(0u, LIT | state, seen);
+    } else if seen {
         texel_state[number] |= state;
     }
+}
+
+// State of a texel; with ALL_LIT nobody has written those of pixels.
+fn state_at(level: u32, number: u32, kind: u32) -> u32 {
+    if ALL_LIT {
+        return select(texel_state[number], select(0u, LIT, kind == SURFACE), level == 0u);
+    }
+    return texel_state[number];
 }
 
 // A thread for each place of the tile order.
@@ -127,23 +172,23 @@ fn choose(
         fragment_flags[place] = 0u;
         return;
     }
+    let at = pixel.y * pyramid.levels[0].x + pixel.x;
+    let kind = g_normal[at].w;
     var level = pyramid.coarsest;
     var number = texel_number(pyramid.levels[level], pixel >> vec2u(level));
-    var state = texel_state[number];
+    var state = state_at(level, number, kind);
     var above = 0u;
     while level > pyramid.finest && (state & ROUGH) != 0u && (state & LIT) != 0u {
         above = state;
         level--;
         number = texel_number(pyramid.levels[level], pixel >> vec2u(level));
-        state = texel_state[number];
+        state = state_at(level, number, kind);
     }
     let culled = (state & LIT) == 0u;
     let lobe = select(REASON_COARSEST, REASON_LOBE, (above & ROUGH_LOBE) != 0u);
     let finer = select(select(lobe, REASON_NORMAL, (above & ROUGH_NORMAL) != 0u), REASON_DEPTH, (above & ROUGH_DEPTH) != 0u);
     let away = select(REASON_BEHIND_LIGHT, REASON_FACING_AWAY, (state & FACES_AWAY) != 0u);
     let dark = select(away, REASON_OUTSIDE_LOBE, (state & OUTSIDE_LOBE) != 0u);
-    let at = pixel.y * pyramid.levels[0].x + pixel.x;
-    let kind = g_normal[at].w;
     let outside = select(vec2u(LEVEL_CULLED, REASON_EMITTER), vec2u(LEVEL_NOTHING, REASON_NOTHING), kind == NOTHING);
     let inside = select(vec2u(level, finer), vec2u(LEVEL_CULLED, dark), culled);
     let answer = select(outside, inside, kind == SURFACE);

@@ -7,6 +7,7 @@
 //   w largest slope
 // ranges, two rows a texel: xyz least shading normal, w least depth | xyz largest normal, w largest depth
 // spreads, two words a texel, floats as their bits: distance to the plane over the texel's width, 1 - cosine
+// Slopes and curvatures are zero unless STEEPNESS is set.
 // Slope is the change of depth from a pixel to its neighbours, sqrt((dz/dx)^2 + (dz/dy)^2) [NPW10 Sec. 3.2], over the
 // pixel's width at that depth; curvature [KJ16] the change of the normal over the distance.
 
@@ -23,6 +24,8 @@ import package::common::view::View;
 @group(0) @binding(5) var<storage, read_write> means: array<vec4u>;
 @group(0) @binding(6) var<storage, read_write> ranges: array<vec4f>;
 @group(0) @binding(7) var<storage, read_write> spreads: array<atomic<u32>>;
+
+override STEEPNESS: bool = true;
 
 const FAR: f32 = 3.0e38;
 // A mean normal shorter than this has no direction: the normals cancel.
@@ -87,7 +90,9 @@ fn base(
         position += p;
         normal += n;
         geometric += floats(g_geometric[at]);
-        steepest = max(steepest, steepness(pixel, p, n));
+        if STEEPNESS {
+            steepest = max(steepest, steepness(pixel, p, n));
+        }
         lo = min(lo, vec4f(n, depth_of(p)));
         hi = max(hi, vec4f(n, depth_of(p)));
     }

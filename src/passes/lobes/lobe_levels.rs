@@ -46,5 +46,5 @@ pub fn record(context: &mut Context<'_, '_>, gbuffer: &GBuffer) -> Result<Listed
     let pass = pass.bind("g_albedo", &gbuffer.albedo).bind("instance_lobes", lobes);
     let pass = pass.bind("lights", context.scene.lights()?).bind("texel_state", &before).bind("marks", &state);
     pass.dispatch(context.view.pixels())?;
-    one_pass::choose(context, gbuffer, texels, &state, "specular_")
+    one_pass::choose(context, gbuffer, texels, &state, "specular_", false)
 }

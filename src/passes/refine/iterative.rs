@@ -1,7 +1,7 @@
 //! Refinement by a list: what is rough is split in four, until nothing is.
 
 use super::compact;
-use super::one_pass::OnePassParams;
+use super::one_pass::Metrics;
 use super::pyramid::Texels;
 use crate::error::Result;
 use crate::gpu::{Buffer, Usage};
@@ -14,12 +14,7 @@ const LIT: u32 = 1;
 ///
 /// # Errors
 /// Those of the device.
-pub fn record(
-    context: &mut Context<'_, '_>,
-    texels: &Texels,
-    params: &OnePassParams,
-    state: &Buffer<u32>,
-) -> Result<()> {
+pub fn record(context: &mut Context<'_, '_>, texels: &Texels, metrics: &Metrics, state: &Buffer<u32>) -> Result<()> {
     let pyramid = texels.pyramid;
     let last = pyramid.finest + 1;
     let most = pyramid.levels[last.min(pyramid.coarsest) as usize][3] as usize;
@@ -32,14 +27,14 @@ pub fn record(
     let pass = context.recorder.pass("iterative", &begin).uniform("pyramid", &pyramid);
     let pass = pass.bind("texel_state", state).bind("listed", &listed);
     pass.dispatch(pyramid.levels[pyramid.coarsest as usize][3] as usize)?;
-    let split = context.kernel("refine/iterative", "split")?;
+    let split = metrics.kernel(context, "refine/iterative", "split", &[])?;
     for level in (last..=pyramid.coarsest).rev() {
         let items = pyramid.levels[level as usize][3] as usize;
         compact::record(context, "iterative", &listed, items, LIT, LIT, &list, &arguments)?;
         context.recorder.copy(&arguments, &count, 4)?;
         context.recorder.clear(&listed)?;
         let pass = context.recorder.pass("iterative", &split).uniform("pyramid", &pyramid.at(level));
-        let pass = pass.uniform("params", params).uniform("view", &context.view).bind("texel_state", state);
+        let pass = pass.uniform("params", &metrics.params).uniform("view", &context.view).bind("texel_state", state);
         let pass = pass.bind("means", &texels.means).bind("ranges", &texels.ranges).bind("spreads", &texels.spreads);
         let pass = pass.bind("listed", &listed).bind("list", &list).bind("arguments", &count);
         pass.dispatch_indirect(&arguments, 0)?;

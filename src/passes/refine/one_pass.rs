@@ -1,13 +1,15 @@
 //! One-pass refinement: the level of every pixel, why, and the list of fragments.
 
+use std::sync::Arc;
+
 use bytemuck::{Pod, Zeroable};
 
 use crate::error::{Error, Result};
-use crate::gpu::{Buffer, Usage};
+use crate::gpu::{Buffer, Kernel, Usage};
 use crate::passes::refine::compact;
 use crate::passes::refine::extra_samples::Extras;
 use crate::passes::refine::iterative;
-use crate::passes::refine::pyramid::{self, Pyramid, Texels};
+use crate::passes::refine::pyramid::{self, Pyramid, Texels, Wanted};
 use crate::passes::{Context, GBuffer};
 use crate::settings::Settings;
 
@@ -22,38 +24,55 @@ pub struct OnePassParams {
     pub depth_threshold: f32,
     /// Difference of unit normals.
     pub normal_threshold: f32,
-    /// 0 none, 1 range, 2 derivative, 3 plane.
-    pub depth_metric: u32,
-    /// 0 none, 1 component, 2 cone, 3 curvature.
-    pub normal_metric: u32,
     /// Lights in the table.
     pub lights: u32,
-    /// 1: no light culls anything.
-    pub all_lit: u32,
     /// Unused.
-    pub pad1: u32,
-    /// Unused.
-    pub pad2: u32,
+    pub pad: u32,
 }
 
-impl OnePassParams {
-    /// As the settings say; a metric without a threshold is left out.
+/// What makes a texel rough.
+#[derive(Debug, Clone, Copy)]
+pub struct Metrics {
+    /// 0 none, 1 range, 2 derivative, 3 plane.
+    depth: u32,
+    /// 0 none, 1 component, 2 cone, 3 curvature.
+    normal: u32,
+    /// Thresholds.
+    pub params: OnePassParams,
+}
+
+impl Metrics {
+    /// As the settings say; a metric without a threshold is left out. `lights`: in the table.
     pub fn new(settings: &Settings, lights: usize) -> Self {
         let metric = |name: &str, threshold: &str, choices: [&str; 3]| {
             let number = choices.iter().position(|choice| settings.is(name, choice)).map_or(0, |i| i as u32 + 1);
             settings.float(threshold).map_or((0, 0.0), |t| (number, t as f32))
         };
-        let (depth_metric, depth_threshold) =
-            metric("depth_metric", "depth_threshold", ["range", "derivative", "plane"]);
-        let (normal_metric, normal_threshold) =
+        let (depth, depth_threshold) = metric("depth_metric", "depth_threshold", ["range", "derivative", "plane"]);
+        let (normal, normal_threshold) =
             metric("normal_metric", "normal_threshold", ["component", "cone", "curvature"]);
-        let lights = lights as u32;
-        Self { depth_threshold, normal_threshold, depth_metric, normal_metric, lights, ..Self::zeroed() }
+        let params = OnePassParams { depth_threshold, normal_threshold, lights: lights as u32, pad: 0 };
+        Self { depth, normal, params }
     }
 
-    /// Whether the largest deviations from plane and normal are looked at.
-    pub fn needs_spreads(&self) -> bool {
-        self.depth_metric == 3 || self.normal_metric == 2
+    /// What they look at.
+    fn wanted(&self) -> Wanted {
+        Wanted { steepness: self.depth == 2 || self.normal == 3, spreads: self.depth == 3 || self.normal == 2 }
+    }
+
+    /// A kernel that asks them.
+    ///
+    /// # Errors
+    /// Those of the device.
+    pub fn kernel(
+        &self,
+        context: &Context<'_, '_>,
+        stem: &str,
+        entry: &str,
+        also: &[(&str, f64)],
+    ) -> Result<Arc<Kernel>> {
+        let metrics = [("DEPTH_METRIC", f64::from(self.depth)), ("NORMAL_METRIC", f64::from(self.normal))];
+        context.kernel_with(stem, entry, &[&metrics, also].concat())
     }
 }
 
@@ -105,20 +124,17 @@ pub fn levels(context: &Context<'_, '_>) -> Result<Pyramid> {
 /// # Errors
 /// Those of the device; `Settings` as [`levels`].
 pub fn states(context: &mut Context<'_, '_>, gbuffer: &GBuffer) -> Result<(Texels, Buffer<u32>)> {
-    states_with(context, gbuffer, OnePassParams::new(context.settings, context.prepared.lights))
+    states_with(context, gbuffer, false)
 }
 
-fn states_with(
-    context: &mut Context<'_, '_>,
-    gbuffer: &GBuffer,
-    params: OnePassParams,
-) -> Result<(Texels, Buffer<u32>)> {
+fn states_with(context: &mut Context<'_, '_>, gbuffer: &GBuffer, all_lit: bool) -> Result<(Texels, Buffer<u32>)> {
     let pyramid = levels(context)?;
-    let (texels, state) = lit_states(context, gbuffer, pyramid, params)?;
+    let metrics = Metrics::new(context.settings, context.prepared.lights);
+    let (texels, state) = marked(context, gbuffer, pyramid, &metrics, all_lit)?;
     if pyramid.coarsest > pyramid.finest && context.settings.is("refine", "iterative") {
-        iterative::record(context, &texels, &params, &state)?;
+        iterative::record(context, &texels, &metrics, &state)?;
     } else {
-        classify(context, &texels, &params, &state)?;
+        classify(context, &texels, &metrics, &state, false)?;
     }
     Ok((texels, state))
 }
@@ -132,32 +148,44 @@ pub fn all_lit_states(
     gbuffer: &GBuffer,
     pyramid: Pyramid,
 ) -> Result<(Texels, Buffer<u32>)> {
-    let params = OnePassParams { all_lit: 1, ..OnePassParams::new(context.settings, 0) };
-    let (texels, state) = lit_states(context, gbuffer, pyramid, params)?;
-    classify(context, &texels, &params, &state)?;
+    let metrics = Metrics::new(context.settings, 0);
+    let (texels, state) = marked(context, gbuffer, pyramid, &metrics, true)?;
+    classify(context, &texels, &metrics, &state, false)?;
     Ok((texels, state))
 }
 
-fn lit_states(
+/// Which pixels are lit, and texels with any of them.
+fn marked(
     context: &mut Context<'_, '_>,
     gbuffer: &GBuffer,
     pyramid: Pyramid,
-    params: OnePassParams,
+    metrics: &Metrics,
+    all_lit: bool,
 ) -> Result<(Texels, Buffer<u32>)> {
-    let texels = pyramid::record(context, gbuffer, pyramid, params.needs_spreads())?;
+    let texels = pyramid::record(context, gbuffer, pyramid, metrics.wanted())?;
     let state: Buffer<u32> = context.resources.buffer("texel_state", pyramid.texels())?;
     context.recorder.clear(&state)?;
-    cull(context, gbuffer, &pyramid, params, &state)?;
+    match all_lit {
+        true => light_all(context, gbuffer, &pyramid, &state)?,
+        false => cull(context, gbuffer, &pyramid, &metrics.params, &state)?,
+    }
     Ok((texels, state))
 }
 
-fn classify(context: &mut Context<'_, '_>, texels: &Texels, params: &OnePassParams, state: &Buffer<u32>) -> Result<()> {
+fn classify(
+    context: &mut Context<'_, '_>,
+    texels: &Texels,
+    metrics: &Metrics,
+    state: &Buffer<u32>,
+    all_lit: bool,
+) -> Result<()> {
     let pyramid = texels.pyramid;
-    if pyramid.coarsest <= pyramid.finest {
+    if pyramid.coarsest <= pyramid.finest && !(all_lit && pyramid.coarsest > 0) {
         return Ok(());
     }
-    let kernel = context.kernel("refine/one_pass", "classify")?;
-    let pass = context.recorder.pass("one_pass", &kernel).uniform("params", params).uniform("pyramid", &pyramid);
+    let kernel = metrics.kernel(context, "refine/one_pass", "classify", &[("ALL_LIT", all_lit.into())])?;
+    let pass = context.recorder.pass("one_pass", &kernel).uniform("pyramid", &pyramid);
+    let pass = pass.uniform("params", &metrics.params);
     let pass = pass.uniform("view", &context.view).bind("means", &texels.means).bind("ranges", &texels.ranges);
     pass.bind("spreads", &texels.spreads).bind("texel_state", state).dispatch(pyramid.texels_above())
 }
@@ -168,7 +196,7 @@ fn classify(context: &mut Context<'_, '_>, texels: &Texels, params: &OnePassPara
 /// Those of the device; `Settings` as [`levels`].
 pub fn record(context: &mut Context<'_, '_>, gbuffer: &GBuffer) -> Result<Listed> {
     let (texels, state) = states(context, gbuffer)?;
-    choose(context, gbuffer, texels, &state, "")
+    choose(context, gbuffer, texels, &state, "", false)
 }
 
 /// The same where light comes from everywhere: every pixel that sees a surface is lit. Names of the buffers begin with
@@ -177,27 +205,40 @@ pub fn record(context: &mut Context<'_, '_>, gbuffer: &GBuffer) -> Result<Listed
 /// # Errors
 /// Those of the device; `Settings` as [`levels`].
 pub fn record_all_lit(context: &mut Context<'_, '_>, gbuffer: &GBuffer, prefix: &str) -> Result<Listed> {
-    let params = OnePassParams { all_lit: 1, ..OnePassParams::new(context.settings, 0) };
-    let (texels, state) = states_with(context, gbuffer, params)?;
-    choose(context, gbuffer, texels, &state, prefix)
+    if context.settings.is("refine", "iterative") {
+        let (texels, state) = states_with(context, gbuffer, true)?;
+        return choose(context, gbuffer, texels, &state, prefix, false);
+    }
+    let (pyramid, metrics) = (levels(context)?, Metrics::new(context.settings, 0));
+    let texels = pyramid::record(context, gbuffer, pyramid, metrics.wanted())?;
+    let state = context.resources.buffer("texel_state", pyramid.texels())?;
+    classify(context, &texels, &metrics, &state, true)?;
+    choose(context, gbuffer, texels, &state, prefix, true)
+}
+
+fn light_all(context: &mut Context<'_, '_>, gbuffer: &GBuffer, pyramid: &Pyramid, state: &Buffer<u32>) -> Result<()> {
+    let kernel = context.kernel("refine/one_pass", "all_lit")?;
+    let pass = context.recorder.pass("one_pass", &kernel).uniform("pyramid", pyramid);
+    pass.bind("g_normal", &gbuffer.normal).bind("marks", state).dispatch(pyramid.levels[1][3] as usize)
 }
 
 fn cull(
     context: &mut Context<'_, '_>,
     gbuffer: &GBuffer,
     pyramid: &Pyramid,
-    params: OnePassParams,
+    params: &OnePassParams,
     state: &Buffer<u32>,
 ) -> Result<()> {
     let kernel = context.kernel("refine/one_pass", "cull")?;
     let lights = context.scene.lights()?;
-    let pass = context.recorder.pass("one_pass", &kernel).uniform("params", &params).uniform("pyramid", pyramid);
+    let pass = context.recorder.pass("one_pass", &kernel).uniform("params", params).uniform("pyramid", pyramid);
     let pass = pass.bind("g_position", &gbuffer.position).bind("g_normal", &gbuffer.normal);
     let pass = pass.bind("g_geometric", &gbuffer.geometric).bind("lights", lights).bind("marks", state);
     pass.dispatch(pyramid.levels[1][3] as usize)
 }
 
-/// The fragments that follow from the states of the texels; names of their buffers begin with `prefix`.
+/// The fragments that follow from the states of the texels; names of their buffers begin with `prefix`. `all_lit`: nobody
+/// has written the states of pixels, and all that see a surface are lit.
 ///
 /// # Errors
 /// Those of the device.
@@ -207,6 +248,7 @@ pub fn choose(
     texels: Texels,
     state: &Buffer<u32>,
     prefix: &str,
+    all_lit: bool,
 ) -> Result<Listed> {
     let (pixels, places) = (context.view.pixels(), context.view.tiled as usize);
     let name = |plain: &str| format!("{prefix}{plain}");
@@ -225,7 +267,7 @@ pub fn choose(
     };
     let fragments = &listed.fragments;
     context.recorder.clear(&fragments.at)?;
-    let kernel = context.kernel("refine/one_pass", "choose")?;
+    let kernel = context.kernel_with("refine/one_pass", "choose", &[("ALL_LIT", all_lit.into())])?;
     let pass = context.recorder.pass("one_pass", &kernel).uniform("pyramid", &pyramid);
     let pass = pass.bind("g_normal", &gbuffer.normal).bind("texel_state", state);
     let pass = pass.bind("level_map", &fragments.level_map).bind("reason_map", &fragments.reason_map);

@@ -74,11 +74,20 @@ pub struct Texels {
     pub spreads: Buffer<u32>,
 }
 
-/// Fills levels 1 to `pyramid.coarsest` from the G-buffer; `spreads` only if they are asked for.
+/// What of a texel is looked at beside means and ranges.
+#[derive(Debug, Clone, Copy)]
+pub struct Wanted {
+    /// Slopes and curvatures; zero if not.
+    pub steepness: bool,
+    /// Spreads; not written if not.
+    pub spreads: bool,
+}
+
+/// Fills levels 1 to `pyramid.coarsest` from the G-buffer, with what is wanted.
 ///
 /// # Errors
 /// Those of the device.
-pub fn record(context: &mut Context<'_, '_>, gbuffer: &GBuffer, pyramid: Pyramid, spread: bool) -> Result<Texels> {
+pub fn record(context: &mut Context<'_, '_>, gbuffer: &GBuffer, pyramid: Pyramid, wanted: Wanted) -> Result<Texels> {
     let texels = pyramid.texels_above();
     let means = context.resources.buffer("pyramid_means", 3 * texels)?;
     let ranges = context.resources.buffer("pyramid_ranges", 2 * texels)?;
@@ -87,7 +96,7 @@ pub fn record(context: &mut Context<'_, '_>, gbuffer: &GBuffer, pyramid: Pyramid
     if pyramid.coarsest == 0 {
         return Ok(made);
     }
-    let base = context.kernel("refine/pyramid", "base")?;
+    let base = context.kernel_with("refine/pyramid", "base", &[("STEEPNESS", wanted.steepness.into())])?;
     let pass = context.recorder.pass("pyramid", &base).uniform("pyramid", &pyramid).uniform("view", &context.view);
     let pass = pass.bind("g_position", &gbuffer.position).bind("g_normal", &gbuffer.normal);
     let pass = pass.bind("g_geometric", &gbuffer.geometric).bind("means", &made.means).bind("ranges", &made.ranges);
@@ -98,7 +107,7 @@ pub fn record(context: &mut Context<'_, '_>, gbuffer: &GBuffer, pyramid: Pyramid
         let pass = pass.bind("means", &made.means).bind("ranges", &made.ranges);
         pass.dispatch(pyramid.levels[level as usize][3] as usize)?;
     }
-    if spread {
+    if wanted.spreads {
         context.recorder.clear(&made.spreads)?;
         let kernel = context.kernel("refine/pyramid", "deviations")?;
         let pass = context.recorder.pass("pyramid", &kernel).uniform("pyramid", &pyramid);

@@ -188,7 +188,7 @@ ONE_PASS = np.dtype(
     [
         ("depth_threshold", "<f4"),
         ("normal_threshold", "<f4"),
-        *_fields("depth_metric", "normal_metric", "lights", "all_lit", "pad1", "pad2"),
+        *_fields("lights", "pad"),
     ]
 )
 COMPACT = np.dtype(_fields("items", "mask", "value", "scanned"))

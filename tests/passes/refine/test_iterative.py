@@ -15,7 +15,16 @@ from tests.passes.reference.pyramids import pyramid_record, sizes
 from tests.passes.reference.refining import LIT, choose, listed_states, pixel_bits, texel_states
 from tests.passes.reference.run import Runner, read
 from tests.passes.reference.structs import ONE_PASS, record
-from tests.passes.refine.test_one_pass import CASES, chosen, culled, refine, rough_texels, some_lights
+from tests.passes.refine.test_one_pass import (
+    CASES,
+    chosen,
+    constants,
+    culled,
+    numbers_of,
+    refine,
+    rough_texels,
+    some_lights,
+)
 from tests.passes.refine.test_pyramid import run as run_pyramid
 
 STEM = "passes/refine/iterative"
@@ -30,6 +39,7 @@ def split_all(
     coarsest: int,
     finest: int,
     params: Rows,
+    metrics: tuple[int, int],
     children: int = 4,
 ) -> tuple[Rows, int]:
     """States of all texels, and how many were tested; of each four the first `children` are listed."""
@@ -55,6 +65,7 @@ def split_all(
             len(numbers) + 64,
             entry="split",
             params=params,
+            constants=constants(metrics),
             pyramid=pyramid_record(view, coarsest, finest, level),
             view=view,
             means=means.reshape(-1, 4),
@@ -82,12 +93,13 @@ def test_states_agree_with_the_loops_and_fragments_with_one_pass(
     view = random_view(rng, *size)
     g = wavy_gbuffer(rng, view, holes=0.01, step=0.5)
     lights = some_lights(rng, view)
-    numbers, rough = rough_texels(view, g, coarsest, metrics)
-    params, pyramid = record(ONE_PASS, lights=len(lights), **numbers), pyramid_record(view, coarsest, finest)
+    limits, rough = rough_texels(view, g, coarsest, metrics)
+    numbers = numbers_of(metrics)
+    params, pyramid = record(ONE_PASS, lights=len(lights), **limits), pyramid_record(view, coarsest, finest)
     total = sum(row[3] for row in sizes(*size)[: coarsest + 1])
     lit = culled(runner, view, g, lights, {"params": params, "pyramid": pyramid}, total)
-    state, tested = split_all(runner, view, g, lit, coarsest, finest, params)
-    once = refine(runner, view, g, lights, coarsest, finest, **numbers)
+    state, tested = split_all(runner, view, g, lit, coarsest, finest, params, numbers)
+    once = refine(runner, view, g, lights, coarsest, finest, numbers, **limits)
 
     whole = texel_states(view, g, pixel_bits(g, lights), rough, coarsest)
     expected = listed_states(whole, coarsest, finest)
@@ -104,7 +116,7 @@ def test_states_agree_with_the_loops_and_fragments_with_one_pass(
     assert tested <= np.count_nonzero(above & LIT)
     if min(size) > 1:
         assert (state != np.concatenate([level.ravel() for level in whole])).any(), "not all is tested"
-        fewer, _ = split_all(runner, view, g, lit, coarsest, finest, params, children=3)
+        fewer, _ = split_all(runner, view, g, lit, coarsest, finest, params, numbers, children=3)
         if coarsest > finest + 1:
             assert (chosen(runner, view, g, pyramid, fewer).level_map != levels).any()
 
@@ -115,10 +127,10 @@ def test_of_a_bare_plane_only_the_coarsest_level_is_tested(runner: Runner, rng: 
     g = plane_gbuffer(view, 60.0)
     eye, backward = (view[name][0].astype(np.float64) for name in ("eye", "backward"))
     light = [Spot(eye + backward * 0.1, -backward, np.ones(3), 0.1)]
-    limits = {"depth_threshold": 0.05, "normal_threshold": 0.25, "normal_metric": 2}
+    limits = {"depth_threshold": 0.05, "normal_threshold": 0.25}
     for metric, tests in ((3, 16), (1, None)):
-        params = record(ONE_PASS, lights=1, depth_metric=metric, **limits)
+        params = record(ONE_PASS, lights=1, **limits)
         given = {"params": params, "pyramid": pyramid_record(view, 4)}
         lit = culled(runner, view, g, light, given, sum(row[3] for row in sizes(64, 64)[:5]))
-        _, tested = split_all(runner, view, g, lit, 4, 0, params)
+        _, tested = split_all(runner, view, g, lit, 4, 0, params, (metric, 2))
         assert tested == tests or (tests is None and tested > 16)

@@ -69,7 +69,21 @@ def culled(
     return read(marked, "marks", np.uint32)
 
 
-def chosen(runner: Runner, view: Rows, g: GBuffer, pyramid: Rows, state: Rows) -> Chosen:
+def lit(runner: Runner, view: Rows, g: GBuffer, given: dict[str, Rows], total: int) -> Rows:
+    """States of all texels after `all_lit`."""
+    blocks = sizes(int(view["width"][0]), int(view["height"][0]))[1][3]
+    marks = np.zeros(total, np.uint32)
+    pyramid, normal = given["pyramid"], g.rows()["g_normal"]
+    return read(
+        runner(STEM, blocks, entry="all_lit", marks=marks, pyramid=pyramid, g_normal=normal),
+        "marks",
+        np.uint32,
+    )
+
+
+def chosen(
+    runner: Runner, view: Rows, g: GBuffer, pyramid: Rows, state: Rows, all_lit: bool = False
+) -> Chosen:
     """What follows from the states."""
     width, height = int(view["width"][0]), int(view["height"][0])
     places = len(pixel_numbers(width, height))
@@ -77,6 +91,7 @@ def chosen(runner: Runner, view: Rows, g: GBuffer, pyramid: Rows, state: Rows) -
         STEM,
         places,
         entry="choose",
+        constants={"ALL_LIT": all_lit},
         pyramid=pyramid,
         g_normal=g.rows()["g_normal"],
         texel_state=state,
@@ -88,23 +103,38 @@ def chosen(runner: Runner, view: Rows, g: GBuffer, pyramid: Rows, state: Rows) -
     return Chosen(view, state, out, read(out, "fragment_at", np.uint32))
 
 
+def constants(metrics: tuple[int, int]) -> dict[str, float]:
+    """Metrics of depth and normal by number, as the shaders know them."""
+    return {"DEPTH_METRIC": metrics[0], "NORMAL_METRIC": metrics[1]}
+
+
 def refine(
     runner: Runner,
     view: Rows,
     g: GBuffer,
-    lights: Sequence[Light],
+    lights: Sequence[Light] | None,
     coarsest: int,
     finest: int = 0,
+    metrics: tuple[int, int] = (0, 0),
+    at_once: bool = False,
     **params: Any,
 ) -> Chosen:
-    """Pyramid and refinement of a G-buffer; metrics by number, thresholds."""
-    levels = sizes(int(view["width"][0]), int(view["height"][0]))
+    """Pyramid and refinement of a G-buffer; metrics of depth and normal by number, thresholds.
+
+    Without lights all is lit; `at_once`: as the shaders know beforehand.
+    """
     given = {
-        "params": record(ONE_PASS, lights=len(lights), **params),
+        "params": record(ONE_PASS, lights=len(lights or []), **params),
         "pyramid": pyramid_record(view, coarsest, finest),
     }
-    state = culled(runner, view, g, lights, given, sum(row[3] for row in levels[: coarsest + 1]))
-    if coarsest > finest:
+    total = sum(row[3] for row in sizes(int(view["width"][0]), int(view["height"][0]))[: coarsest + 1])
+    if at_once:
+        state = np.full(total, 77, np.uint32)
+    elif lights is None:
+        state = lit(runner, view, g, given, total)
+    else:
+        state = culled(runner, view, g, lights, given, total)
+    if coarsest > (0 if at_once else finest):
         means, ranges, spreads = run_pyramid(runner, view, g, coarsest)
         classified = runner(
             STEM,
@@ -115,10 +145,11 @@ def refine(
             ranges=ranges.reshape(-1, 4),
             spreads=spreads.ravel(),
             texel_state=state,
+            constants={**constants(metrics), "ALL_LIT": at_once},
             **given,
         )
         state = read(classified, "texel_state", np.uint32)
-    return chosen(runner, view, g, given["pyramid"], state)
+    return chosen(runner, view, g, given["pyramid"], state, at_once)
 
 
 def _gap(values: Rows, share: float) -> float:
@@ -138,17 +169,20 @@ def some_lights(rng: np.random.Generator, view: Rows) -> list[Light]:
     return [area, Spot(position, v["right"] - 0.3 * v["backward"], np.ones(3), 0.95)]
 
 
+def numbers_of(metrics: tuple[str, str]) -> tuple[int, int]:
+    """Metrics by number."""
+    return DEPTH_METRICS[metrics[0]], NORMAL_METRICS[metrics[1]]
+
+
 def rough_texels(
     view: Rows, g: GBuffer, coarsest: int, metrics: tuple[str, str]
 ) -> tuple[dict[str, Any], NDArray[np.int64]]:
-    """Metrics with thresholds that some of the texels are above of, and which these are."""
+    """Thresholds of metrics that some of the texels are above of, and which these are."""
     t = texels(view, g, max(coarsest, 1))
     depth, normal = depth_change(t, metrics[0]), normal_change(t, metrics[1])
     limits = _gap(depth[t.count > 0], 0.7), _gap(normal[t.count > 0], 0.6)
     rough = ROUGH_DEPTH * ((depth > limits[0]) | (t.count < t.pixels)) + ROUGH_NORMAL * (normal > limits[1])
     params = {
-        "depth_metric": DEPTH_METRICS[metrics[0]],
-        "normal_metric": NORMAL_METRICS[metrics[1]],
         "depth_threshold": limits[0],
         "normal_threshold": limits[1],
     }
@@ -179,7 +213,7 @@ def test_levels_reasons_and_fragments_agree_with_the_loops(
     g = wavy_gbuffer(rng, view, holes=0.01, step=0.5)
     lights = some_lights(rng, view)
     params, rough = rough_texels(view, g, coarsest, metrics)
-    found = refine(runner, view, g, lights, coarsest, finest, **params)
+    found = refine(runner, view, g, lights, coarsest, finest, numbers_of(metrics), **params)
     bits = pixel_bits(g, lights)
 
     def expected(bits: Rows, rough: Rows) -> tuple[Rows, Rows, list[tuple[int, int, int]]]:
@@ -222,14 +256,14 @@ def test_a_bare_tilted_plane_stays_at_the_coarsest_level(
     g = plane_gbuffer(view, tilt)
     eye, backward = (view[name][0].astype(np.float64) for name in ("eye", "backward"))
     light = [Spot(eye + backward * 0.1, -backward, np.ones(3), 0.1)]
-    limits = {"depth_threshold": 0.05, "normal_threshold": 0.25, "normal_metric": 2}
-    found = refine(runner, view, g, light, 4, depth_metric=3, **limits)
+    limits = {"depth_threshold": 0.05, "normal_threshold": 0.25}
+    found = refine(runner, view, g, light, 4, metrics=(3, 2), **limits)
     assert (found.level_map == 4).all()
     assert not found.reason_map.any()
     assert len(found.fragments) == 16
     if tilt:
         for metric in (1, 2):
-            other = refine(runner, view, g, light, 4, depth_metric=metric, **limits)
+            other = refine(runner, view, g, light, 4, metrics=(metric, 2), **limits)
             assert (other.level_map < 4).any(), f"metric {metric} fires on a smooth floor"
 
 
@@ -243,20 +277,19 @@ def test_a_crease_refines(runner: Runner, rng: np.random.Generator, metric: int)
     g.normal[turned] = g.geometric[turned] = side
     eye, backward = (view[name][0].astype(np.float64) for name in ("eye", "backward"))
     light = [Spot(eye + backward * 0.1, -backward, np.ones(3), 0.1)]
-    limits = {"depth_metric": 0, "normal_threshold": 0.2}
-    found = refine(runner, view, g, light, 4, normal_metric=metric, **limits)
+    found = refine(runner, view, g, light, 4, metrics=(0, metric), normal_threshold=0.2)
     assert (found.level_map[:, 28:30] == 0).all()
     assert (found.reason_map[:, 28:30] == 2).all()
     assert (found.level_map[:, :16] == 4).all()
     assert (found.level_map[:, 48:] == 4).all()
-    blind = refine(runner, view, g, light, 4, normal_metric=0, **limits)
+    blind = refine(runner, view, g, light, 4, normal_threshold=0.2)
     assert (blind.level_map == 4).all(), "without the metric nothing is split"
 
 
 def test_no_light_culls_everything_and_says_so(runner: Runner, rng: np.random.Generator) -> None:
     view = random_view(rng, 32, 32)
     g = plane_gbuffer(view, 0.0)
-    found = refine(runner, view, g, [], 3, depth_metric=3, depth_threshold=0.05)
+    found = refine(runner, view, g, [], 3, metrics=(3, 0), depth_threshold=0.05)
     assert (found.level_map == 254).all()
     assert (found.reason_map == 8).all()
     assert found.fragments == []
@@ -265,15 +298,32 @@ def test_no_light_culls_everything_and_says_so(runner: Runner, rng: np.random.Ge
     assert not found.at[:first].any()
 
 
+@pytest.mark.parametrize(("coarsest", "finest"), [(4, 0), (4, 1), (3, 3), (0, 0)])
+def test_it_needs_no_marks_where_all_is_lit(
+    runner: Runner, rng: np.random.Generator, coarsest: int, finest: int
+) -> None:
+    view = random_view(rng, 41, 30)
+    g = wavy_gbuffer(rng, view, holes=0.02, step=0.5)
+    limits = {"metrics": (3, 2), "depth_threshold": 0.1, "normal_threshold": 0.2}
+    marked, plain = (
+        refine(runner, view, g, None, coarsest, finest, at_once=at_once, **limits)
+        for at_once in (False, True)
+    )
+    assert (plain.level_map == marked.level_map).all()
+    assert (plain.reason_map == marked.reason_map).all()
+    assert plain.fragments == marked.fragments
+    assert (plain.at == marked.at).all()
+    assert len(plain.fragments) > 10
+
+
 def test_where_light_comes_from_everywhere_no_light_culls(runner: Runner, rng: np.random.Generator) -> None:
     view = random_view(rng, 41, 30)
     g = wavy_gbuffer(rng, view, holes=0.02, step=0.5)
-    limits = {"depth_metric": 3, "depth_threshold": 0.1}
-    found = refine(runner, view, g, some_lights(rng, view), 4, all_lit=1, **limits)
+    found = refine(runner, view, g, None, 4, metrics=(3, 0), depth_threshold=0.1)
     surfaces = (g.kind == SURFACE).reshape(30, 41)
     assert ((found.level_map < 254) == surfaces).all()
     assert (found.state[: 41 * 30] == np.where(surfaces.ravel(), LIT, 0)).all()
     bits = np.where(g.kind == SURFACE, LIT, 0)
     partition(found, bits)
-    some = refine(runner, view, g, some_lights(rng, view), 4, **limits)
+    some = refine(runner, view, g, some_lights(rng, view), 4, metrics=(3, 0), depth_threshold=0.1)
     assert ((some.level_map < 254) != surfaces).any(), "the lights do cull some"

@@ -19,7 +19,9 @@ SIZES = [(37, 21), (1, 19), (23, 1), (32, 16), (2, 2), (1, 1)]
 Rows = NDArray[Any]
 
 
-def run(runner: Runner, view: Rows, g: GBuffer, coarsest: int) -> tuple[Rows, Rows, Rows]:
+def run(
+    runner: Runner, view: Rows, g: GBuffer, coarsest: int, steepness: bool = True
+) -> tuple[Rows, Rows, Rows]:
     """Means (texels, 3, 4) words, ranges (texels, 2, 4) and spreads (texels, 2) of levels 1 to `coarsest`."""
     levels = sizes(int(view["width"][0]), int(view["height"][0]))
     count = sum(row[3] for row in levels[1 : coarsest + 1])
@@ -28,7 +30,7 @@ def run(runner: Runner, view: Rows, g: GBuffer, coarsest: int) -> tuple[Rows, Ro
         "ranges": np.zeros((2 * count, 4), np.float32),
     }
 
-    def step(entry: str, level: int, names: list[str], **given: Rows) -> None:
+    def step(entry: str, level: int, names: list[str], **given: Any) -> None:
         kept = {name: out[name] for name in names}
         found = runner(
             STEM,
@@ -43,7 +45,7 @@ def run(runner: Runner, view: Rows, g: GBuffer, coarsest: int) -> tuple[Rows, Ro
                 out[name] = found[name].view(array.dtype).reshape(array.shape)
 
     rows = g.rows()
-    step("base", 1, ["means", "ranges"], view=view, **rows)
+    step("base", 1, ["means", "ranges"], constants={"STEEPNESS": steepness}, view=view, **rows)
     for level in range(2, coarsest + 1):
         step("reduce", level, ["means", "ranges"])
     out["spreads"] = np.zeros(2 * count, np.uint32)
@@ -118,3 +120,16 @@ def test_a_tilted_plane_lies_in_its_tangent_plane(
     deepest = (ranges[:, 1, 3] - ranges[:, 0, 3])[-4:]
     if tilt:
         assert deepest.min() > 0.1, "the range of depth does see the tilt"
+
+
+def test_slopes_and_curvatures_are_left_out_where_nobody_asks(
+    runner: Runner, rng: np.random.Generator
+) -> None:
+    view = random_view(rng, 32, 16)
+    g = wavy_gbuffer(rng, view)
+    means, ranges, _ = run(runner, view, g, 3)
+    fewer, same, _ = run(runner, view, g, 3, steepness=False)
+    assert (same == ranges).all()
+    assert (fewer[..., :3] == means[..., :3]).all()
+    assert (means[:, 1:, 3] != 0).any()
+    assert not fewer[:, 1:, 3].any()
