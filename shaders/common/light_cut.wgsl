@@ -3,7 +3,7 @@
 // ends a group of four is the one after their parent. A plain list is a tree of one level.
 
 import package::common::basis::PI;
-import package::common::form_factor::{Lit, disc_irradiance, mean_of};
+import package::common::form_factor::{Lit, disc_irradiance, mean_of, unit_normal};
 import package::common::near_lights::virtual_lights;
 import package::common::virtual_light::tree_level_first;
 
@@ -97,7 +97,8 @@ fn splits(at: Lit, visit: Visit, scale: f32) -> bool {
     let node = node_of(visit);
     let row = 4u * node;
     let place = virtual_lights[row];
-    let facing = virtual_lights[row + 1u];
+    let mean_normal = virtual_lights[row + 1u];
+    let facing = vec4f(unit_normal(mean_normal), mean_normal.w);
     let flux = virtual_lights[row + 2u];
     let shape = virtual_lights[row + 3u];
     let power = mean_of(flux.xyz);

@@ -50,7 +50,7 @@ fn near_irradiance(at: Lit, row: u32, reach: f32) -> vec4f {
     let place = virtual_lights[row];
     let facing = virtual_lights[row + 1u];
     let flux = virtual_lights[row + 2u].xyz;
-    let polygon = patch_of(at, place.xyz, facing.xyz, maps[shape.w >> 16u], shape.z, shape.w);
+    let polygon = patch_of(at, place.xyz, facing, maps[shape.w >> 16u], shape.z, shape.w);
     let disc = disc_irradiance(at, place, facing, flux, true, reach);
     let exact = select(disc, quad_irradiance(at, place, facing, flux, polygon), polygon.count > 0u);
     return vec4f(exact, mean_of(disc));

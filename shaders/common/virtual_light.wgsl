@@ -4,11 +4,11 @@
 struct VirtualLight {
     position: vec3f,    // mean by flux
     area: f32,          // of the surfaces that it stands for
-    normal: vec3f,      // unit mean by flux, towards the light
+    normal: vec3f,      // mean by flux, towards the light: its length says how alike the normals are
     radius: f32,        // of a ball about `position` that holds all of them
     flux: vec3f,        // reflected, W; zero: it is none
     solid_angle: f32,   // as the light sees it, see rsm.wgsl
-    spread: f32,        // |n - normal| of its normals at most
+    spread: f32,        // |n - m| of its normals at most, m the unit mean
     thickness: f32,     // distance of its points to the plane through `position` at most
     block: u32,         // first column and row of its texels, 16 bits each
     extent: u32,        // texels along an edge, 16 bits; number of its map, 16 bits

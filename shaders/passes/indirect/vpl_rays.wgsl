@@ -27,11 +27,10 @@ override TREE: bool = true;
 
 // A ray ends just short of its target, whose own rounding moves its surface (N5).
 const RAY_END: f32 = 0.9995;
-// Cosine between the normals of a light and of a texel that may stand for it.
-const LEAST_ALIKE: f32 = 0.5;
 
-// A texel of the light's block that reflects something, and faces nearly where the light does; the light's own place where the block has none at two tries.
-fn target_in(row: u32, random: vec4f) -> vec3f {
+// A texel of the light's block that reflects something, and faces the receiver; the light's own place where the block has
+// none at two tries.
+fn target_in(row: u32, receiver: vec3f, random: vec4f) -> vec3f {
     let shape = bitcast<vec4u>(virtual_lights[row + 3u]);
     let first = vec2u(shape.z & 0xffffu, shape.z >> 16u);
     let width = shape.w & 0xffffu;
@@ -41,7 +40,7 @@ fn target_in(row: u32, random: vec4f) -> vec3f {
         let chosen = select(random.zw, random.xy, k == 1u);
         let texel = first + min(vec2u(chosen * f32(width)), vec2u(max(width, 1u) - 1u));
         let at = RSM_ROWS * select(0u, base + texel.y * params.maps_size + texel.x, width != 0u);
-        let faces = dot(rsm_texels[at + 1u].xyz, virtual_lights[row + 1u].xyz) > LEAST_ALIKE;
+        let faces = dot(rsm_texels[at + 1u].xyz, receiver - rsm_texels[at].xyz) > 0.0;
         let lights = (width != 0u) & faces & any(rsm_texels[at + 2u].xyz > vec3f(0.0));
         place = select(place, rsm_texels[at].xyz, lights);
     }
@@ -87,7 +86,7 @@ fn main(
             at, virtual_lights[row], virtual_lights[row + 1u], virtual_lights[row + 2u].xyz, FORM == DISC, params.reach);
         sum += mean_of(light);
         while k < params.rays && next < sum && step > 0.0 {
-            let place = target_in(row, random4(vec4u(r.pixel, k, 8u, params.seed)));
+            let place = target_in(row, r.origin, random4(vec4u(r.pixel, k, 8u, params.seed)));
             rays[first + k] = Ray(r.origin, 0.0, place - r.origin, RAY_END);
             ray_weights[first + k] = vec4f(light / max(mean_of(light), 1e-37), 0.0);
             k++;

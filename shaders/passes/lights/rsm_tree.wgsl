@@ -12,7 +12,7 @@ struct RsmTreeParams {
     level: u32,
     finest: u32,
     maps: u32,
-    pad: u32,
+    single: u32,        // from this level on nodes are virtual lights, above it clusters of them
 }
 
 @group(0) @binding(30) var<uniform> grid: Grid;
@@ -22,9 +22,9 @@ struct RsmTreeParams {
 @group(0) @binding(3) var<storage, read_write> nodes: array<VirtualLight>;
 @group(0) @binding(4) var<storage, read_write> ranges: array<vec4f>;
 
-// Largest difference of unit normals from their mean, 30 degrees, for the mean to stand for them.
+// Largest difference of unit normals from their mean, 30 degrees, for the mean to stand for a virtual light.
 const MOST_TILT: f32 = 0.5;
-// Shorter than this a mean of unit normals has no direction.
+// Shorter than this a mean of unit normals has no direction: it takes that of the child with most flux.
 const CANCELS: f32 = 1e-6;
 
 // The node of this item of the level, with its place and nothing else.
@@ -84,12 +84,17 @@ fn weight(light: VirtualLight) -> f32 {
     return light.flux.x + light.flux.y + light.flux.z;
 }
 
-// Sums, and means by flux. Where its surfaces face different ways their mean lies on none of them and looks where none does:
-// there the child with most flux stands for the node [Deviation: the text has a point sample everywhere].
+fn unit_of(v: vec3f) -> vec3f {
+    return v / max(length(v), 1e-30);
+}
+
+// Sums, and means by flux [Deviation: the text has a point sample everywhere]. Of a virtual light that no cut can split the
+// mean may lie on none of its surfaces and look where none does: there the child with most flux stands for it.
 fn joined(empty: VirtualLight, children: array<VirtualLight, 4>) -> VirtualLight {
     var node = empty;
     var position = vec3f(0.0);
     var normal = vec3f(0.0);
+    var brightest = 0u;
     var all = 0.0;
     var most = 0.0;
     for (var c = 0u; c < 4u; c++) {
@@ -103,20 +108,27 @@ fn joined(empty: VirtualLight, children: array<VirtualLight, 4>) -> VirtualLight
         all += w;
         if w > most {
             most = w;
-            node.normal = child.normal;
-            node.position = child.position;
+            brightest = c;
         }
     }
-    let mean = normal / max(all, 1e-37);
-    let unit = mean / max(length(mean), CANCELS);
+    if all == 0.0 {
+        return node;
+    }
+    let mean = normal / all;
+    let alike = length(mean);
+    let unit = mean / max(alike, CANCELS);
     var tilt = 0.0;
     for (var c = 0u; c < 4u; c++) {
-        let turned = length(children[c].normal - unit) + children[c].spread;
+        let turned = length(unit_of(children[c].normal) - unit) + children[c].spread;
         tilt = max(tilt, select(0.0, turned, weight(children[c]) > 0.0));
     }
-    if all > 0.0 && tilt <= MOST_TILT {
-        node.position = position / all;
-        node.normal = unit;
+    let along = unit_of(children[brightest].normal);
+    node.position = position / all;
+    node.normal = select(CANCELS * along, unit * min(alike, 1.0), alike > CANCELS);
+    if params.level >= params.single {
+        let alone = tilt > MOST_TILT;
+        node.position = select(node.position, children[brightest].position, alone);
+        node.normal = select(unit, along, alone);
     }
     return node;
 }
@@ -142,14 +154,15 @@ fn reduce(
         largest = max(largest, ranges[2u * (first + c) + 1u]);
     }
     var node = joined(node_at(item), children);
+    let unit = unit_of(node.normal);
     for (var c = 0u; c < 4u; c++) {
         let child = children[c];
         if weight(child) > 0.0 {
             let offset = child.position - node.position;
-            let turned = length(child.normal - node.normal);
+            let turned = length(unit_of(child.normal) - unit);
             node.radius = max(node.radius, length(offset) + child.radius);
             node.spread = max(node.spread, turned + child.spread);
-            let off_plane = abs(dot(node.normal, offset)) + child.thickness + child.radius * turned;
+            let off_plane = abs(dot(unit, offset)) + child.thickness + child.radius * turned;
             node.thickness = max(node.thickness, off_plane);
         }
     }

@@ -2,7 +2,7 @@
 
 use bytemuck::{Pod, Zeroable};
 
-use super::form;
+use super::forms;
 use crate::error::Result;
 use crate::gpu::Buffer;
 use crate::passes::Context;
@@ -102,7 +102,7 @@ pub fn record(
     evaluations: &Buffer<u32>,
 ) -> Result<()> {
     let params = CutParams::of_tree(context.settings, rsm);
-    let kernel = context.kernel_with("indirect/light_cut", "main", &[("FORM", form(context.settings))])?;
+    let kernel = context.kernel_with("indirect/light_cut", "main", &forms(context.settings))?;
     let pass = context.recorder.pass("light_cut", &kernel).uniform("params", &params);
     let pass = pass.bind("receivers", receivers).bind("maps", &rsm.table);
     let pass = pass.bind("virtual_lights", &tree.nodes).bind("ranges", &tree.ranges);

@@ -89,10 +89,16 @@ pub struct Indirect {
     pub evaluations: Evaluations,
 }
 
-/// Number of the form factor in `shaders/common/form_factor.wgsl`.
-pub fn form(settings: &Settings) -> f64 {
+/// Number of the form factor in `shaders/common/form_factor.wgsl`, and whether virtual lights are clusters.
+pub fn forms(settings: &Settings) -> [(&'static str, f64); 2] {
     let forms = ["point", "disc", "quad"];
-    forms.iter().position(|form| settings.is("form_factor", form)).map_or(0.0, |number| number as f64)
+    let form = forms.iter().position(|form| settings.is("form_factor", form)).map_or(0.0, |number| number as f64);
+    [("FORM", form), mixed(settings)]
+}
+
+/// Whether normals of virtual lights are means of normals that differ.
+pub fn mixed(settings: &Settings) -> (&'static str, f64) {
+    ("MIXED", (settings.is("indirect", "clustered") || settings.is("indirect", "hierarchical")).into())
 }
 
 /// The lists of a wave.

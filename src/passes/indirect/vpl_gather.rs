@@ -2,7 +2,7 @@
 
 use bytemuck::{Pod, Zeroable};
 
-use super::{form, light_cut};
+use super::{forms, light_cut};
 use crate::error::Result;
 use crate::gpu::Buffer;
 use crate::passes::Context;
@@ -39,7 +39,7 @@ pub fn record(
 ) -> Result<()> {
     let params =
         VplGatherParams { count: lights.count as u32, reach: light_cut::reach(context.settings), pad0: 0, pad1: 0 };
-    let kernel = context.kernel_with("indirect/vpl_gather", "main", &[("FORM", form(context.settings))])?;
+    let kernel = context.kernel_with("indirect/vpl_gather", "main", &forms(context.settings))?;
     let pass = context.recorder.pass("vpl_gather", &kernel).uniform("params", &params);
     let pass = pass.bind("receivers", receivers).bind("maps", &rsm.table);
     let pass = pass.bind("virtual_lights", &lights.lights).bind("irradiance", irradiance);

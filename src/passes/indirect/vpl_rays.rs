@@ -1,7 +1,7 @@
 //! Rays towards virtual lights, chosen by what they contribute.
 
 use super::light_cut::CutParams;
-use super::{Lights, form};
+use super::{Lights, forms};
 use crate::error::Result;
 use crate::gpu::Buffer;
 use crate::passes::Context;
@@ -23,7 +23,8 @@ pub fn record(
     (rays, weights): (&Buffer<Ray>, &Buffer<[f32; 4]>),
 ) -> Result<()> {
     let is_tree = matches!(lights, Lights::Tree(_));
-    let overrides = [("FORM", form(context.settings)), ("TREE", f64::from(u8::from(is_tree)))];
+    let [form, mixed] = forms(context.settings);
+    let overrides = [form, mixed, ("TREE", is_tree.into())];
     let kernel = context.kernel_with("indirect/vpl_rays", "main", &overrides)?;
     let nowhere: Buffer<[f32; 4]> = context.resources.buffer("no_ranges", 2)?;
     let (params, records, ranges) = match lights {

@@ -2,7 +2,7 @@
 
 use bytemuck::{Pod, Zeroable};
 
-use super::{form, light_cut};
+use super::{forms, light_cut};
 use crate::error::Result;
 use crate::gpu::{Buffer, Target};
 use crate::passes::Context;
@@ -44,7 +44,7 @@ pub fn record(
     let height = rows.min(most);
     let target = Target::new(&gpu, WIDTH, height)?;
     let sums: Buffer<[f32; 4]> = context.resources.buffer("splat_sums", (WIDTH * height) as usize)?;
-    let points = gpu.points("passes/indirect/vpl_splat", &[("FORM", form(context.settings))])?;
+    let points = gpu.points("passes/indirect/vpl_splat", &forms(context.settings))?;
     let spread = context.kernel("indirect/vpl_splat", "spread")?;
     for first in (0..count).step_by((WIDTH * height) as usize) {
         let piece = (count - first).min((WIDTH * height) as usize);

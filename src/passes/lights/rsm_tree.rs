@@ -3,6 +3,7 @@
 use bytemuck::{Pod, Zeroable};
 
 use super::virtual_light::{Rsm, Tree, level_first};
+use super::vpl_clusters;
 use crate::error::Result;
 use crate::passes::Context;
 
@@ -16,8 +17,8 @@ pub struct RsmTreeParams {
     pub finest: u32,
     /// How many maps there are.
     pub maps: u32,
-    /// Unused.
-    pub pad: u32,
+    /// From this level on nodes are virtual lights, above it clusters of them.
+    pub single: u32,
 }
 
 /// Builds the tree, from texels up to whole maps.
@@ -31,10 +32,11 @@ pub fn record(context: &mut Context<'_, '_>, rsm: &Rsm) -> Result<Tree> {
         nodes: context.resources.buffer("rsm_nodes", all)?,
         ranges: context.resources.buffer("rsm_ranges", 2 * all)?,
     };
+    let single = vpl_clusters::finest(context.settings, rsm);
     let leaves = context.kernel("lights/rsm_tree", "leaves")?;
     let reduce = context.kernel("lights/rsm_tree", "reduce")?;
     for level in (0..=finest).rev() {
-        let params = RsmTreeParams { level, finest, maps: maps as u32, pad: 0 };
+        let params = RsmTreeParams { level, finest, maps: maps as u32, single };
         let kernel = if level == finest { &leaves } else { &reduce };
         let mut pass = context.recorder.pass("rsm_tree", kernel).uniform("params", &params);
         if level == finest {

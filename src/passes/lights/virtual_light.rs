@@ -45,7 +45,7 @@ pub struct VirtualLight {
     pub position: [f32; 3],
     /// Of the surfaces that it stands for.
     pub area: f32,
-    /// Unit mean by flux.
+    /// Mean by flux of unit normals: 1 long where they are all one.
     pub normal: [f32; 3],
     /// Of a ball about the position that holds them.
     pub radius: f32,

@@ -4,11 +4,12 @@ use std::ops::RangeInclusive;
 
 use bytemuck::{Pod, Zeroable};
 
-use super::virtual_light::{Rsm, Tree, VirtualLights, level_first};
+use super::virtual_light::{Rsm, RsmMap, Tree, VirtualLights, level_first};
 use crate::error::Result;
 use crate::gpu::{Buffer, Usage};
 use crate::passes::Context;
 use crate::passes::refine::compact;
+use crate::settings::Settings;
 
 /// A threshold that nothing exceeds; twin of `RSM_FAR` in `shaders/common/rsm.wgsl`.
 const NO_THRESHOLD: f64 = 3.0e38;
@@ -51,6 +52,13 @@ pub fn levels(coarsest: u32, most: u32, texels: u32, tiles: u32) -> RangeInclusi
     let finest = up(most).min(texels);
     let first = up(coarsest).min(finest).max(tiles.max(1).ilog2());
     first..=finest.max(first)
+}
+
+/// Level of the finest clusters of any map.
+pub fn finest(settings: &Settings, rsm: &Rsm) -> u32 {
+    let [coarsest, most] = ["coarsest_vpls", "vpls"].map(|name| settings.int(name));
+    let finest_of = |map: &RsmMap| *levels(coarsest, most, rsm.finest(), map.tiles).end();
+    rsm.maps.iter().map(finest_of).max().unwrap_or(0)
 }
 
 fn params(context: &Context<'_, '_>, rsm: &Rsm) -> VplClustersParams {

@@ -6,6 +6,7 @@ use super::pyramid::Pyramid;
 use crate::error::Result;
 use crate::gpu::Buffer;
 use crate::passes::indirect::light_cut::reach;
+use crate::passes::indirect::mixed;
 use crate::passes::lights::virtual_light::VirtualLights;
 use crate::passes::{Context, GBuffer};
 
@@ -78,9 +79,9 @@ pub fn lobes(context: &mut Context<'_, '_>, glossy: bool) -> Result<Buffer<[f32;
 }
 
 /// Values of the override constants of all passes of these lists.
-pub fn constants(context: &Context<'_, '_>, glossy: bool) -> [(&'static str, f64); 2] {
+pub fn constants(context: &Context<'_, '_>, glossy: bool) -> [(&'static str, f64); 3] {
     let disc = !context.settings.is("form_factor", "point");
-    [("DISC", f64::from(disc)), ("GLOSSY", f64::from(glossy))]
+    [("DISC", disc.into()), ("GLOSSY", glossy.into()), mixed(context.settings)]
 }
 
 /// The points of all texels of `pyramid` that are lit in `state`.

@@ -6,11 +6,13 @@ from typing import Any
 
 import numpy as np
 import pytest
+import scipy.optimize
+import scipy.stats
 from numpy.typing import NDArray
 
-from tests.passes.reference.light_cuts import Tree, bounds, cut, disc, random_tree
+from tests.passes.reference.light_cuts import Tree, bounds, cut, disc, emission, random_tree
 from tests.passes.reference.run import Runner, assert_not_within, assert_within, read
-from tests.passes.reference.structs import CUT, MISS, RECEIVER, RSM_MAP, record
+from tests.passes.reference.structs import CUT, MISS, RECEIVER, RSM_MAP, VIRTUAL_LIGHT, record
 
 Array = NDArray[np.float64]
 BOUNDS = ("paper", "contribution", "error")
@@ -140,3 +142,49 @@ def test_inactive_receivers_are_left_alone(runner: Runner, rng: np.random.Genera
     touched = np.isfinite(out[:, 0])
     assert touched.sum() == 4
     assert touched[receivers["pixel"][1::2]].all()
+
+
+@pytest.mark.parametrize("alike", [0.15, 0.5, 0.8, 0.95])
+def test_emission_is_that_of_normals_about_their_mean(rng: np.random.Generator, alike: float) -> None:
+    """Against a sum over normals that are distributed as von Mises and Fisher have it; a single cosine is far off."""
+    mean_length = lambda kappa: 1 / np.tanh(kappa) - 1 / kappa  # noqa: E731
+    kappa = scipy.optimize.brentq(lambda kappa: mean_length(kappa) - alike, 1e-3, 1e3)
+    normals = scipy.stats.vonmises_fisher([0, 0, 1], kappa).rvs(200_000, random_state=rng)
+    x = np.linspace(-1, 1, 41)
+    directions = np.stack([np.sqrt(1 - x**2), 0 * x, x], axis=1)
+    exact = np.array([np.maximum(normals @ w, 0).mean() for w in directions])
+    assert_within(emission(x, alike), exact, 0.02, "emission")
+    assert_not_within(np.maximum(x, 0), exact, 0.04 if alike > 0.9 else 0.1)
+
+
+def test_emission_keeps_energy_and_ends_at_the_cosine() -> None:
+    """Over all directions its mean is 1/4, as that of the clamped cosine."""
+    x, weights = np.polynomial.legendre.leggauss(200)
+    for alike in (0.0, 0.3, 0.6, 0.9, 0.999):
+        assert (emission(x, alike) * weights).sum() / 2 == pytest.approx(0.25, rel=0.01)
+    assert_within(emission(x, 1.0), np.maximum(x, 0), 1e-12)
+    assert_within(emission(x, 0.0), np.full(len(x), 0.25), 1e-12)
+
+
+def test_a_node_of_surfaces_that_face_different_ways_shines_like_them(
+    runner: Runner, rng: np.random.Generator
+) -> None:
+    """Far from a ball whose points all reflect the same, a single node is as bright as they are."""
+    normals = rng.normal(size=(4**5, 3)) * [1, 1, 0.5] + [0, 0, 1.0]
+    normals /= np.linalg.norm(normals, axis=1, keepdims=True)
+    leaves = np.zeros(4**5, VIRTUAL_LIGHT)
+    leaves["position"], leaves["normal"], leaves["flux"] = 0.01 * normals, normals, 1.0
+    node = np.zeros(1, VIRTUAL_LIGHT)
+    node["position"], node["normal"], node["flux"] = leaves["position"].mean(0), normals.mean(0), float(4**5)
+    receivers = np.zeros(40, RECEIVER)
+    away = rng.normal(size=(40, 3))
+    away /= np.linalg.norm(away, axis=1, keepdims=True)
+    receivers["origin"], receivers["normal_shade"], receivers["normal_geo"] = 2 * away, -away, -away
+    receivers["pixel"] = np.arange(40)
+    single = Tree(node, np.zeros((2, 4), np.float32), 0)
+    out = _run(runner, single, receivers, (0, 0), "error", 0.0)[0][:, 0]
+    all_of = np.array([sum(disc(receiver, leaf)[0] for leaf in leaves) for receiver in receivers])
+    assert_within(out, all_of, 0.06 * all_of.max(), "irradiance")
+    node["normal"] /= np.linalg.norm(node["normal"])
+    out = _run(runner, single, receivers, (0, 0), "error", 0.0)[0][:, 0]
+    assert_not_within(out, all_of, 0.15 * all_of.max())

@@ -126,7 +126,7 @@ def test_no_light_no_ray(runner: Runner, rng: np.random.Generator) -> None:
 
 
 def test_targets_are_texels_of_the_block(runner: Runner, rng: np.random.Generator) -> None:
-    """Of a block of 2 x 2 texels, one dark and one turned away, rays end at two, or at the light's place."""
+    """Of a block of 2 x 2 texels, one dark and one turned away from the receiver, rays end at two, or at the light's place."""
     receivers, lights = _receivers(rng, 256), _list(rng, 1)
     lights["flux"], lights["extent"], lights["block"] = 1, 2, 1 | 1 << 16
     texels = np.zeros((4, 4, 3, 4), np.float32)
@@ -134,7 +134,7 @@ def test_targets_are_texels_of_the_block(runner: Runner, rng: np.random.Generato
     texels[..., 1, :3] = [0, 0, 1]
     texels[..., 2, :3] = 1
     texels[2, 2, 2, :3] = 0  # dark
-    texels[1, 2, 1, :3] = [0, 1, 0]  # of another surface
+    texels[1, 2, 1, :3] = [0, 0, -1]
     irradiance = np.zeros(256)
     irradiance[receivers["pixel"]] = _contributions(receivers, lights).mean(axis=2)[:, 0]
     rays, _ = _run(runner, receivers, lights, irradiance, texels.reshape(-1, 4), maps_size=4)

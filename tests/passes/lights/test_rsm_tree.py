@@ -22,7 +22,9 @@ def _first(level: int, maps: int) -> int:
     return maps * sum(4**k for k in range(level))
 
 
-def run_tree(runner: Runner, texels: Array, tiles: int = 1) -> tuple[NDArray[Any], NDArray[np.float32]]:
+def run_tree(
+    runner: Runner, texels: Array, tiles: int = 1, single: int = 99
+) -> tuple[NDArray[Any], NDArray[np.float32]]:
     """All nodes, and their ranges (n, 2, 4)."""
     maps, resolution = texels.shape[:2]
     finest = resolution.bit_length() - 1
@@ -33,7 +35,7 @@ def run_tree(runner: Runner, texels: Array, tiles: int = 1) -> tuple[NDArray[Any
     for level in range(finest, -1, -1):
         leaves = level == finest
         more = {"maps": table, "rsm_texels": rows} if leaves else {}
-        params = record(RSM_TREE, level=level, finest=finest, maps=maps)
+        params = record(RSM_TREE, level=level, finest=finest, maps=maps, single=single)
         out = runner(
             STEM,
             maps * 4**level,
@@ -48,13 +50,15 @@ def run_tree(runner: Runner, texels: Array, tiles: int = 1) -> tuple[NDArray[Any
     return nodes, ranges.reshape(all_, 2, 4)
 
 
-@pytest.mark.parametrize(("maps", "resolution", "tiles"), [(1, 16, 1), (3, 16, 4), (2, 64, 2)])
+@pytest.mark.parametrize(
+    ("maps", "resolution", "tiles", "single"), [(1, 16, 1, 99), (3, 16, 4, 2), (2, 64, 2, 0), (1, 64, 1, 4)]
+)
 def test_nodes_agree_with_the_reference(
-    runner: Runner, rng: np.random.Generator, maps: int, resolution: int, tiles: int
+    runner: Runner, rng: np.random.Generator, maps: int, resolution: int, tiles: int, single: int
 ) -> None:
     texels = random_texels(rng, maps, resolution)
-    nodes, ranges = run_tree(runner, texels, tiles)
-    expected, expected_ranges = flat(tree(texels, tiles))
+    nodes, ranges = run_tree(runner, texels, tiles, single)
+    expected, expected_ranges = flat(tree(texels, tiles, single))
     for name in ("block", "extent"):
         assert (nodes[name] == expected[name]).all()
     for name in FIELDS:
@@ -100,14 +104,15 @@ def test_every_bound_holds_for_the_leaves(runner: Runner, rng: np.random.Generat
             if not len(lit):
                 assert node["flux"].sum() == 0
                 continue
-            turned = np.linalg.norm(lit["normal"] - node["normal"], axis=1)
+            unit = node["normal"] / np.linalg.norm(node["normal"])
+            turned = np.linalg.norm(lit["normal"] - unit, axis=1)
             assert turned.max() <= node["spread"] + 1e-5
             u = np.cross(lit["normal"], rng.normal(size=lit["normal"].shape))
             u *= (lit["radius"] / np.linalg.norm(u, axis=1))[:, None]
             points = np.concatenate([lit["position"] + u, lit["position"] - u]).astype(np.float64)
             away = points - node["position"]
             assert np.linalg.norm(away, axis=1).max() <= node["radius"] + 1e-6
-            assert np.abs(away @ node["normal"]).max() <= node["thickness"] + 1e-6
+            assert np.abs(away @ unit).max() <= node["thickness"] + 1e-6
             loose += np.linalg.norm(away, axis=1).max() > 0.5 * node["radius"]
             bounds = ranges[_first(level, maps) + k]
             assert (lit["normal"].min(0) == bounds[0, :3]).all()
@@ -132,14 +137,19 @@ def test_nodes_lie_where_their_numbers_say(runner: Runner, rng: np.random.Genera
             assert (below["block"][:, :, 3] == part["block"] + (width // 2) * (1 + (1 << 16))).all()
 
 
-def test_normals_that_cancel_are_that_of_the_brightest(runner: Runner, rng: np.random.Generator) -> None:
+def test_normals_that_cancel_have_the_direction_of_the_brightest(
+    runner: Runner, rng: np.random.Generator
+) -> None:
     texels = random_texels(rng, 1, 2, dark=0.0)
     texels[0, :, :, 2, :3] = 1
     texels[0, 0, 0, 2, 0] = texels[0, 1, 1, 2, 0] = 2
     up = np.array([0.6, 0.8, 0])
     texels[0, 0, :, 1, :3], texels[0, 1, :, 1, :3] = -up, up
+    light, _ = run_tree(runner, texels, single=0)
+    assert_within(light["normal"][0], -up, 1e-6, "normal")
     nodes, _ = run_tree(runner, texels)
-    assert_within(nodes["normal"][0], -up, 1e-6, "normal")
+    assert_within(nodes["normal"][0] / np.linalg.norm(nodes["normal"][0]), -up, 1e-6, "normal")
+    assert np.linalg.norm(nodes["normal"][0]) < 1e-5
     assert_within(nodes["spread"][0], 2.0, 1e-6, "spread")
 
 

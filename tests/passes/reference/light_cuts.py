@@ -6,6 +6,7 @@ import dataclasses
 from typing import Any
 
 import numpy as np
+from numpy.polynomial.legendre import legvander
 from numpy.typing import NDArray
 
 from .light_trees import morton
@@ -28,6 +29,26 @@ class Tree:
         return int((4**level - 1) // 3)
 
 
+def emission(x: Any, alike: Any) -> Any:
+    """Mean clamped cosine of normals whose mean has the cosine `x` and the length `alike`.
+
+    The cosine's Legendre series [RH01], of its band l what heat on the sphere leaves; beyond the fourth as of the
+    sixth.
+    """
+    series = np.array([1 / 4, 1 / 2, 5 / 16, 0, -3 / 32])
+    l = np.arange(5)
+    faint = series * np.asarray(alike)[..., None] ** (l * (l + 1) / 2)
+    polynomials = legvander(np.asarray(x), 4)
+    rest = np.maximum(x, 0) - polynomials @ series
+    return np.maximum((polynomials * faint).sum(-1) + np.asarray(alike) ** 21 * rest, 0)
+
+
+def unit_normal(node: Any) -> Array:
+    """Direction of the mean normal."""
+    normal: Array = node["normal"].astype(np.float64)
+    return normal / np.linalg.norm(normal) if normal.any() else normal
+
+
 def _parent(children: NDArray[Any]) -> Any:
     """The node above four; bounds as loose as they are simple."""
     node = np.zeros((), VIRTUAL_LIGHT)
@@ -39,11 +60,11 @@ def _parent(children: NDArray[Any]) -> Any:
     lit = children[weight > 0]
     share = (weight[weight > 0] / weight.sum())[:, None]
     node["position"] = (share * lit["position"]).sum(axis=0)
-    normal = (share * lit["normal"]).sum(axis=0)
-    node["normal"] = normal / np.linalg.norm(normal)
+    node["normal"] = (share * lit["normal"]).sum(axis=0)
+    unit = unit_normal(node)
     apart = np.linalg.norm(lit["position"] - node["position"], axis=1)
-    turned = np.linalg.norm(lit["normal"] - node["normal"], axis=1)
-    off = np.abs((lit["position"] - node["position"]) @ node["normal"])
+    turned = np.linalg.norm([unit_normal(child) - unit for child in lit], axis=1)
+    off = np.abs((lit["position"] - node["position"]) @ unit)
     node["radius"] = (apart + lit["radius"]).max() * (1 + 1e-6)
     node["spread"] = (turned + lit["spread"]).max() + 1e-6
     node["thickness"] = min((off + lit["thickness"] + turned * lit["radius"]).max() + 1e-6, node["radius"])
@@ -85,18 +106,20 @@ def disc(receiver: Any, node: Any, disc: bool = True) -> Array:
     cosines = [
         receiver["normal_shade"] @ w,
         receiver["normal_geo"] @ w,
-        -node["normal"].astype(np.float64) @ w,
     ]
-    if min(cosines) <= 0:
+    alike = float(np.linalg.norm(node["normal"].astype(np.float64)))
+    leaves = -unit_normal(node) @ w
+    leaves = max(leaves, 0.0) if alike > 0.99999 else emission(leaves, alike).item()
+    if min(cosines) <= 0 or leaves <= 0:
         return np.zeros(3)
     area = float(node["area"]) if disc else 0.0
-    light: Array = node["flux"].astype(np.float64) * cosines[0] * cosines[2] / (np.pi * far**2 + area)
+    light: Array = node["flux"].astype(np.float64) * cosines[0] * leaves / (np.pi * far**2 + area)
     return light
 
 
 def bounds(receiver: Any, node: Any) -> tuple[float, float]:
     """Least and largest irradiance a unit of flux that points of the node may give."""
-    n, facing = receiver["normal_shade"].astype(np.float64), node["normal"].astype(np.float64)
+    n, facing = receiver["normal_shade"].astype(np.float64), unit_normal(node)
     d = node["position"].astype(np.float64) - receiver["origin"]
     far, radius, thickness = float(np.linalg.norm(d)), float(node["radius"]), float(node["thickness"])
     near: float = max(far - radius, 0.0)

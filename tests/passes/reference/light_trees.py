@@ -12,6 +12,8 @@ from .virtual_lights import WIDE, Array
 
 Nodes = NDArray[Any]
 MOST_TILT = 0.5
+CANCELS = 1e-6
+"""Length that a mean of unit normals has no direction below."""
 
 
 def morton(resolution: int) -> NDArray[np.int64]:
@@ -53,8 +55,12 @@ def _length(v: Array) -> Array:
     return length
 
 
-def _parents(nodes: Nodes, ranges: Array) -> tuple[Nodes, Array]:
-    """The level above (maps, n / 4): four children each, side by side."""
+def _unit(v: Array) -> Array:
+    return v / _length(v)[..., None]
+
+
+def _parents(nodes: Nodes, ranges: Array, single: bool) -> tuple[Nodes, Array]:
+    """The level above (maps, n / 4): four children each, side by side; `single`: no cut splits it."""
     maps, count = nodes.shape
     c = nodes.reshape(maps, count // 4, 4)
     made = np.zeros(c.shape[:2], WIDE)
@@ -63,18 +69,26 @@ def _parents(nodes: Nodes, ranges: Array) -> tuple[Nodes, Array]:
     weight = c["flux"].sum(-1)
     whole = weight.sum(-1, keepdims=True)
     share = np.divide(weight, whole, out=np.zeros_like(weight), where=whole > 0)[..., None]
-    mean = (share * c["normal"]).sum(2)
-    unit = mean / np.maximum(_length(mean), 1e-6)[..., None]
-    tilt = ((_length(c["normal"] - unit[:, :, None]) + c["spread"]) * (weight > 0)).max(-1)
-    # a mean where all face nearly one way, else the child with most flux
-    alike = (tilt <= MOST_TILT)[..., None]
-    for name, means in (("position", (share * c["position"]).sum(2)), ("normal", unit)):
-        brightest = np.take_along_axis(c[name], weight.argmax(-1)[..., None, None], 2)[:, :, 0]
-        made[name] = np.where(alike, means, brightest)
-    made["position"][whole[..., 0] == 0], made["normal"][whole[..., 0] == 0] = 0, (0, 0, 1)
+    made["position"], made["normal"] = (share * c["position"]).sum(2), (share * c["normal"]).sum(2)
+    # where they cancel it has the direction of the child with most flux
+    chosen = weight.argmax(-1)[..., None, None]
+    brightest = np.take_along_axis(_unit(c["normal"]), chosen, 2)[:, :, 0]
+    cancels = _length(made["normal"]) <= CANCELS
+    made["normal"][cancels] = CANCELS * brightest[cancels]
+    made["normal"][whole[..., 0] == 0] = 0, 0, 1
+    if single:
+        made["normal"] = _unit(made["normal"])
+        tilt = ((_length(_unit(c["normal"]) - made["normal"][:, :, None]) + c["spread"]) * (weight > 0)).max(
+            -1
+        )
+        alone = cancels | (tilt > MOST_TILT)
+        alone[whole[..., 0] == 0] = False
+        made["normal"][alone] = brightest[alone]
+        made["position"][alone] = np.take_along_axis(c["position"], chosen, 2)[:, :, 0][alone]
+    unit = _unit(made["normal"])[:, :, None]
     offset = c["position"] - made["position"][:, :, None]
-    turned = _length(c["normal"] - made["normal"][:, :, None])
-    off_plane = np.abs((offset * made["normal"][:, :, None]).sum(-1)) + c["thickness"] + c["radius"] * turned
+    turned = _length(_unit(c["normal"]) - unit)
+    off_plane = np.abs((offset * unit).sum(-1)) + c["thickness"] + c["radius"] * turned
     lit = weight > 0
     made["radius"] = ((_length(offset) + c["radius"]) * lit).max(-1)
     made["spread"] = np.minimum(((turned + c["spread"]) * lit).max(-1), 2)
@@ -85,11 +99,12 @@ def _parents(nodes: Nodes, ranges: Array) -> tuple[Nodes, Array]:
     return made, np.stack([r[:, :, :, 0].min(2), r[:, :, :, 1].max(2)], 2)
 
 
-def tree(texels: Array, tiles: int = 1) -> list[tuple[Nodes, Array]]:
-    """Nodes (maps, 4^level) and ranges (maps, 4^level, 2, 4) of each level from the root on."""
+def tree(texels: Array, tiles: int = 1, single: int = 99) -> list[tuple[Nodes, Array]]:
+    """Nodes (maps, 4^level) and ranges (maps, 4^level, 2, 4) of each level from the root on; from level `single` on they are lights, not clusters."""
     levels = [_leaves(texels, tiles)]
     while levels[0][0].shape[1] > 1:
-        levels.insert(0, _parents(*levels[0]))
+        level = levels[0][0].shape[1].bit_length() // 2 - 1  # of what is made
+        levels.insert(0, _parents(*levels[0], level >= single))
     return levels
 
 

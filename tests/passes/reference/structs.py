@@ -290,7 +290,7 @@ VIRTUAL_LIGHT = np.dtype(
     ]
 )
 RSM = np.dtype(_fields("first", "stride", "pad0", "pad1"))
-RSM_TREE = np.dtype(_fields("level", "finest", "maps", "pad"))
+RSM_TREE = np.dtype(_fields("level", "finest", "maps", "single"))
 VPL_CLUSTERS = np.dtype(
     [
         *_fields("first", "maps", "first_spot", "by_range"),

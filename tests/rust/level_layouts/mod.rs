@@ -81,7 +81,7 @@ fn virtual_lights() -> Vec<(Layout, &'static str, &'static str)> {
         extent
     });
     let rays = host_layout!(RsmParams { first, stride, pad0, pad1 });
-    let tree = host_layout!(RsmTreeParams { level, finest, maps, pad });
+    let tree = host_layout!(RsmTreeParams { level, finest, maps, single });
     let clusters = host_layout!(VplClustersParams {
         first,
         maps,
