@@ -35,8 +35,8 @@ struct Visit {
     end: bool,
 }
 
-fn first_visit() -> Visit {
-    return Visit(params.coarsest, 0u, params.roots == 0u);
+fn first_visit(root: u32) -> Visit {
+    return Visit(params.coarsest, root, root >= params.roots);
 }
 
 fn node_of(visit: Visit) -> u32 {
@@ -47,20 +47,22 @@ fn below(visit: Visit) -> Visit {
     return Visit(visit.level + 1u, 4u * visit.number, false);
 }
 
-fn after(visit: Visit) -> Visit {
+// Of the coarsest nodes every `step`-th is visited.
+fn after(visit: Visit, step: u32) -> Visit {
     let number = visit.number + 1u;
     let up = min(firstTrailingBit(number) / 2u, visit.level - params.coarsest);
     let level = visit.level - up;
-    let place = number >> (2u * up);
-    return Visit(level, place, (level == params.coarsest) & (place >= params.roots));
+    let is_root = level == params.coarsest;
+    let place = (number >> (2u * up)) + select(0u, step - 1u, is_root);
+    return Visit(level, place, is_root & (place >= params.roots));
 }
 
-// As coarse as possible: what thresholds are relative to.
-fn reference_irradiance(at: Lit) -> f32 {
+// As coarse as possible: what thresholds are relative to. Of every `step`-th node from `start` on.
+fn reference_irradiance(at: Lit, start: u32, step: u32) -> f32 {
     var sum = 0.0;
     let first = tree_level_first(params.reference, params.maps);
     let end = first + (params.maps << (2u * params.reference));
-    for (var node = first; node < end; node++) {
+    for (var node = first + start; node < end; node += step) {
         let row = 4u * node;
         sum += mean_of(disc_irradiance(
             at, virtual_lights[row], virtual_lights[row + 1u], virtual_lights[row + 2u].xyz, true, params.reach));

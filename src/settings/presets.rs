@@ -47,7 +47,8 @@ pub const PRESETS: &[(&str, Option<Changes>)] = &[
             ("upsample", Default::Text("edge-aware")),
             ("form_factor", Default::Text("disc")),
             ("vpls", Default::Int(65_536)),
-            ("light_cut_threshold", Default::Float(0.015)),
+            ("coarsest_vpls", Default::Int(64)),
+            ("light_cut_threshold", Default::Float(0.1)),
         ]),
     ),
     (

@@ -1,8 +1,10 @@
 // Rays from each receiver towards virtual lights that are chosen by what they contribute without occlusion: K equal
 // parts of the receiver's irradiance, one ray from a place in each, so that bright lights are asked often and none is
 // asked for nothing. [NW09 Sec. 6 and NSW09 Sec. 5 leave indirect visibility open; Deviation: they have none]
-// In: receivers, the cut or list, irradiance (w: its mean over the channels), texels of the maps. Out: rays; for each
-// what it stands for, rgb.
+//   main  a thread for each receiver
+//   wide  LANES threads for each, as `light_cut` has them; each shoots the rays into the part of the irradiance that it has
+// In: receivers, the cut or list, irradiance (w: its mean over the channels), cut_parts, texels of the maps. Out: rays; for
+// each what it stands for, rgb.
 
 import package::common::form_factor::{DISC, Lit, disc_irradiance, mean_of};
 import package::common::grid::{Grid, item_index};
@@ -17,6 +19,7 @@ import package::common::rsm::RSM_ROWS;
 
 // Whether there is a tree to descend.
 override TREE: bool = true;
+override LANES: u32 = 1u;
 
 @group(0) @binding(30) var<uniform> grid: Grid;
 @group(0) @binding(1) var<storage, read> receivers: array<Receiver>;
@@ -24,9 +27,13 @@ override TREE: bool = true;
 @group(0) @binding(3) var<storage, read> rsm_texels: array<vec4f>;
 @group(0) @binding(4) var<storage, read_write> rays: array<Ray>;
 @group(0) @binding(5) var<storage, read_write> ray_weights: array<vec4f>;
+@group(0) @binding(6) var<storage, read> cut_parts: array<f32>;
+
+var<workgroup> estimates: array<f32, 64>;
 
 // A ray ends just short of its target, whose own rounding moves its surface (N5).
 const RAY_END: f32 = 0.9995;
+const EVERYTHING: f32 = 3.0e38;
 
 // A texel of the light's block that reflects something, and faces the receiver; the light's own place where the block has
 // none at two tries.
@@ -47,6 +54,56 @@ fn target_in(row: u32, receiver: vec3f, random: vec4f) -> vec3f {
     return place;
 }
 
+// Where the k-th part of the irradiance is asked, in parts.
+fn place_in_part(pixel: u32, k: u32) -> f32 {
+    return f32(k) + random4(vec4u(pixel, k, 7u, params.seed)).x;
+}
+
+// The rays into irradiance from `low` to `high`, which every LANES-th node of the coarsest level has, from `root` on.
+fn shoot(i: u32, r: Receiver, at: Lit, scale: f32, root: u32, low: f32, high: f32) {
+    let first = i * params.rays;
+    let step = irradiance[r.pixel].w / f32(params.rays);
+    var k = 0u;
+    while k < params.rays && step * place_in_part(r.pixel, k) < low {
+        k++;
+    }
+    var next = step * place_in_part(r.pixel, k);
+    var sum = low;
+    var visit = first_visit(root);
+    while !visit.end && k < params.rays && next < high && step > 0.0 {
+        if TREE && splits(at, visit, scale) {
+            visit = below(visit);
+            continue;
+        }
+        let row = 4u * node_of(visit);
+        let light = disc_irradiance(
+            at, virtual_lights[row], virtual_lights[row + 1u], virtual_lights[row + 2u].xyz, FORM == DISC, params.reach);
+        sum += mean_of(light);
+        while k < params.rays && next < min(sum, high) {
+            let place = target_in(row, r.origin, random4(vec4u(r.pixel, k, 8u, params.seed)));
+            rays[first + k] = Ray(r.origin, 0.0, place - r.origin, RAY_END);
+            ray_weights[first + k] = vec4f(light / max(mean_of(light), 1e-37), 0.0);
+            k++;
+            next = step * place_in_part(r.pixel, k);
+        }
+        visit = after(visit, LANES);
+    }
+    // What rounding left over.
+    while k < params.rays && (next < high || step <= 0.0) {
+        rays[first + k] = inactive_ray();
+        ray_weights[first + k] = vec4f(0.0);
+        k++;
+        next = step * place_in_part(r.pixel, k);
+    }
+}
+
+fn shoot_none(i: u32) {
+    for (var k = 0u; k < params.rays; k++) {
+        rays[i * params.rays + k] = inactive_ray();
+        ray_weights[i * params.rays + k] = vec4f(0.0);
+    }
+}
+
 @compute @workgroup_size(64)
 fn main(
     @builtin(workgroup_id) group: vec3u,
@@ -57,41 +114,47 @@ fn main(
     if i >= grid.end {
         return;
     }
-    let first = i * params.rays;
-    for (var k = 0u; k < params.rays; k++) {
-        rays[first + k] = inactive_ray();
-        ray_weights[first + k] = vec4f(0.0);
-    }
     let r = receivers[i];
     if r.pixel == INACTIVE {
+        shoot_none(i);
         return;
     }
     let at = Lit(r.origin, r.normal_shade, r.normal_geo);
     var scale = 0.0;
     if TREE {
-        scale = reference_irradiance(at);
+        scale = reference_irradiance(at, 0u, 1u);
     }
-    let step = irradiance[r.pixel].w / f32(params.rays);
-    var k = 0u;
-    var next = step * random4(vec4u(r.pixel, 0u, 7u, params.seed)).x;
-    var sum = 0.0;
-    var visit = first_visit();
-    while !visit.end && k < params.rays {
-        if TREE && splits(at, visit, scale) {
-            visit = below(visit);
-            continue;
+    shoot(i, r, at, scale, 0u, 0.0, EVERYTHING);
+}
+
+@compute @workgroup_size(64)
+fn wide(
+    @builtin(workgroup_id) group: vec3u,
+    @builtin(num_workgroups) groups: vec3u,
+    @builtin(local_invocation_index) lane: u32,
+) {
+    let item = item_index(grid, group, groups, 64u, lane);
+    let i = min(item, grid.end - 1u) / LANES;
+    let r = receivers[i];
+    let at = Lit(r.origin, r.normal_shade, r.normal_geo);
+    let part = lane % LANES;
+    let works = item < grid.end && r.pixel != INACTIVE;
+    if works {
+        estimates[lane] = reference_irradiance(at, part, LANES);
+    }
+    workgroupBarrier();
+    if works {
+        var scale = 0.0;
+        for (var k = 0u; k < LANES; k++) {
+            scale += estimates[lane - part + k];
         }
-        let row = 4u * node_of(visit);
-        let light = disc_irradiance(
-            at, virtual_lights[row], virtual_lights[row + 1u], virtual_lights[row + 2u].xyz, FORM == DISC, params.reach);
-        sum += mean_of(light);
-        while k < params.rays && next < sum && step > 0.0 {
-            let place = target_in(row, r.origin, random4(vec4u(r.pixel, k, 8u, params.seed)));
-            rays[first + k] = Ray(r.origin, 0.0, place - r.origin, RAY_END);
-            ray_weights[first + k] = vec4f(light / max(mean_of(light), 1e-37), 0.0);
-            k++;
-            next = step * (f32(k) + random4(vec4u(r.pixel, k, 7u, params.seed)).x);
+        var low = 0.0;
+        for (var k = 0u; k < part; k++) {
+            low += cut_parts[i * LANES + k];
         }
-        visit = after(visit);
+        let high = select(low + cut_parts[item], EVERYTHING, part == LANES - 1u);
+        shoot(i, r, at, scale, part, low, high);
+    } else if item < grid.end && part == 0u {
+        shoot_none(i);
     }
 }

@@ -11,8 +11,10 @@ use crate::passes::lights::vpl_clusters;
 use crate::passes::visibility::Receiver;
 use crate::settings::Settings;
 
-/// What a receiver's cut costs at first guess, nanoseconds.
-const CUT_NS: f64 = 20_000.0;
+/// What a receiver's cut costs at first guess, nanoseconds: where the CPU draws, and elsewhere.
+const CUT_NS: [f64; 2] = [20_000.0, 200.0];
+/// Threads of a receiver where there are more of them than receivers.
+const LANES: usize = 16;
 /// Level that irradiance is estimated at, where the coarsest in use is not coarser.
 const REFERENCE: u32 = 3;
 
@@ -88,8 +90,14 @@ impl CutParams {
     }
 }
 
+/// Threads of a receiver. Of a software adapter one: it waits long at barriers.
+pub fn lanes(context: &Context<'_, '_>) -> usize {
+    if context.recorder.gpu().software() { 1 } else { LANES }
+}
+
 /// Irradiance of `count` receivers at the places that their `pixel` says; nodes that were evaluated are added to
-/// `evaluations`: the lowest byte of each receiver's number to the first word, the rest of it to the second.
+/// `evaluations`: the lowest byte of each receiver's number to the first word, the rest of it to the second. Returns what each thread of
+/// a receiver has of the irradiance; of a single thread nothing.
 ///
 /// # Errors
 /// Those of the device; `Cancelled`.
@@ -100,11 +108,21 @@ pub fn record(
     tree: &Tree,
     irradiance: &Buffer<[f32; 4]>,
     evaluations: &Buffer<u32>,
-) -> Result<()> {
+) -> Result<Buffer<f32>> {
     let params = CutParams::of_tree(context.settings, rsm);
-    let kernel = context.kernel_with("indirect/light_cut", "main", &forms(context.settings))?;
+    let [form, mixed] = forms(context.settings);
+    let lanes = lanes(context);
+    let entry = if lanes > 1 { "wide" } else { "main" };
+    let kernel = context.kernel_with("indirect/light_cut", entry, &[form, mixed, ("LANES", lanes as f64)])?;
+    let parts = context.resources.buffer("cut_parts", if lanes > 1 { count * lanes } else { 1 })?;
     let pass = context.recorder.pass("light_cut", &kernel).uniform("params", &params);
     let pass = pass.bind("receivers", receivers).bind("maps", &rsm.table);
     let pass = pass.bind("virtual_lights", &tree.nodes).bind("ranges", &tree.ranges);
-    pass.bind("irradiance", irradiance).bind("evaluations", evaluations).dispatch_cut(count, CUT_NS)
+    let mut pass = pass.bind("irradiance", irradiance).bind("evaluations", evaluations);
+    if lanes > 1 {
+        pass = pass.bind("cut_parts", &parts);
+    }
+    let guess = CUT_NS[usize::from(lanes > 1)];
+    pass.dispatch_cut(count * lanes, guess / lanes as f64)?;
+    Ok(parts)
 }

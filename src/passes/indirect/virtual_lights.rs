@@ -155,9 +155,10 @@ impl<'g> Work<'g> {
             None => receivers::record(context, self.gbuffer, first, count, receivers, &self.active)?,
         }
         let list = (receivers, count);
+        let mut parts = None;
         match &self.lights {
             Lights::Tree(tree) => {
-                light_cut::record(context, list, &self.rsm, tree, irradiance, &self.evaluations)?;
+                parts = Some(light_cut::record(context, list, &self.rsm, tree, irradiance, &self.evaluations)?);
             }
             Lights::List(lights) if context.settings.is("indirect", "splat") => {
                 vpl_splat::record(context, list, lights, irradiance)?;
@@ -167,7 +168,7 @@ impl<'g> Work<'g> {
         let Some(seen) = &self.seen else { return Ok(()) };
         let rays = count * context.settings.int("indirect_rays") as usize;
         let (answers, tracer) = ((&seen.rays, &seen.weights), context.tracer);
-        vpl_rays::record(context, list, (&self.rsm, &self.lights), irradiance, answers)?;
+        vpl_rays::record(context, list, (&self.rsm, &self.lights), irradiance, parts.as_ref(), answers)?;
         context.rays += tracer.any(context.recorder, "vpl_shadow", &seen.rays, &seen.occluded, 0..rays)?;
         vpl_visible::sum_up(context, list, (&seen.occluded, &seen.weights), &seen.sums)
     }

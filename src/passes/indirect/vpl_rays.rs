@@ -1,6 +1,6 @@
 //! Rays towards virtual lights, chosen by what they contribute.
 
-use super::light_cut::CutParams;
+use super::light_cut::{self, CutParams};
 use super::{Lights, forms};
 use crate::error::Result;
 use crate::gpu::Buffer;
@@ -8,10 +8,10 @@ use crate::passes::Context;
 use crate::passes::lights::virtual_light::Rsm;
 use crate::passes::visibility::{Ray, Receiver};
 
-/// What a receiver costs at first guess, nanoseconds.
-const RECEIVER_NS: f64 = 20_000.0;
+/// What a receiver costs at first guess, nanoseconds: of one thread, and of many.
+const RECEIVER_NS: [f64; 2] = [20_000.0, 400.0];
 
-/// Writes the rays of `count` receivers and what each stands for.
+/// Writes the rays of `count` receivers and what each stands for. `parts`: what each thread of a receiver's cut has.
 ///
 /// # Errors
 /// Those of the device; `Cancelled`.
@@ -20,12 +20,15 @@ pub fn record(
     (receivers, count): (&Buffer<Receiver>, usize),
     (rsm, lights): (&Rsm, &Lights),
     irradiance: &Buffer<[f32; 4]>,
+    parts: Option<&Buffer<f32>>,
     (rays, weights): (&Buffer<Ray>, &Buffer<[f32; 4]>),
 ) -> Result<()> {
     let is_tree = matches!(lights, Lights::Tree(_));
+    let lanes = if parts.is_some() { light_cut::lanes(context) } else { 1 };
+    let entry = if lanes > 1 { "wide" } else { "main" };
     let [form, mixed] = forms(context.settings);
-    let overrides = [form, mixed, ("TREE", is_tree.into())];
-    let kernel = context.kernel_with("indirect/vpl_rays", "main", &overrides)?;
+    let overrides = [form, mixed, ("TREE", is_tree.into()), ("LANES", lanes as f64)];
+    let kernel = context.kernel_with("indirect/vpl_rays", entry, &overrides)?;
     let nowhere: Buffer<[f32; 4]> = context.resources.buffer("no_ranges", 2)?;
     let (params, records, ranges) = match lights {
         Lights::Tree(tree) => (CutParams::of_tree(context.settings, rsm), &tree.nodes, &tree.ranges),
@@ -34,5 +37,9 @@ pub fn record(
     let pass = context.recorder.pass("vpl_rays", &kernel).uniform("params", &params);
     let pass = pass.bind("receivers", receivers).bind("virtual_lights", records).bind("ranges", ranges);
     let pass = pass.bind("irradiance", irradiance).bind("rsm_texels", &rsm.texels);
-    pass.bind("rays", rays).bind("ray_weights", weights).dispatch_cut(count, RECEIVER_NS)
+    let mut pass = pass.bind("rays", rays).bind("ray_weights", weights);
+    if let Some(parts) = parts.filter(|_| lanes > 1) {
+        pass = pass.bind("cut_parts", parts);
+    }
+    pass.dispatch_cut(count * lanes, RECEIVER_NS[usize::from(lanes > 1)] / lanes as f64)
 }

@@ -52,11 +52,14 @@ def _run(
     bound: str,
     threshold: float,
     form: int = 1,
+    lanes: int = 1,
 ) -> tuple[Array, int]:
+    wide = {"cut_parts": np.zeros(lanes * len(receivers), np.float32)} if lanes > 1 else {}
     out = runner(
         "passes/indirect/light_cut",
-        len(receivers),
-        constants={"FORM": form},
+        lanes * len(receivers),
+        entry="wide" if lanes > 1 else "main",
+        constants={"FORM": form, "LANES": lanes},
         params=_params(tree, levels, bound, threshold),
         receivers=receivers,
         maps=np.zeros(1, RSM_MAP),
@@ -64,17 +67,24 @@ def _run(
         ranges=tree.ranges,
         irradiance=np.full((len(receivers), 4), np.nan, np.float32),
         evaluations=np.zeros(2, np.uint32),
+        **wide,
     )
+    if lanes > 1:
+        parts = read(out, "cut_parts", np.float32, len(receivers), lanes).sum(axis=1)
+        light = read(out, "irradiance", np.float32, len(receivers), 4)[:, 3]
+        given = receivers["pixel"] != MISS
+        assert_within(parts[given], light[receivers["pixel"][given]], 1e-5 * parts[given] + 1e-9, "parts")
     low, high = (int(word) for word in read(out, "evaluations", np.uint32))
     return read(out, "irradiance", np.float32, len(receivers), 4).astype(np.float64), low + 256 * high
 
 
+@pytest.mark.parametrize("lanes", [1, 4, 16])
 @pytest.mark.parametrize(("bound", "threshold"), [("paper", 1.5), ("contribution", 0.02), ("error", 0.01)])
 def test_agrees_with_the_reference(
-    runner: Runner, rng: np.random.Generator, bound: str, threshold: float
+    runner: Runner, rng: np.random.Generator, bound: str, threshold: float, lanes: int
 ) -> None:
     tree, receivers = random_tree(rng, 5), _receivers(rng, 96)
-    out, count = _run(runner, tree, receivers, (2, 5), bound, threshold)
+    out, count = _run(runner, tree, receivers, (2, 5), bound, threshold, lanes=lanes)
     expected = [cut(tree, receiver, (2, 5), bound, threshold) for receiver in receivers]
     sure = np.array([closest > 1e-3 for _, _, closest in expected])
     assert sure.mean() > 0.4
@@ -135,10 +145,11 @@ def test_bounds_hold_for_what_is_in_a_node(runner: Runner, rng: np.random.Genera
     assert checked > 200
 
 
-def test_inactive_receivers_are_left_alone(runner: Runner, rng: np.random.Generator) -> None:
+@pytest.mark.parametrize("lanes", [1, 8])
+def test_inactive_receivers_are_left_alone(runner: Runner, rng: np.random.Generator, lanes: int) -> None:
     tree, receivers = random_tree(rng, 3), _receivers(rng, 8)
     receivers["pixel"][::2] = MISS
-    out, _ = _run(runner, tree, receivers, (1, 3), "error", 0.01)
+    out, _ = _run(runner, tree, receivers, (1, 3), "error", 0.01, lanes=lanes)
     touched = np.isfinite(out[:, 0])
     assert touched.sum() == 4
     assert touched[receivers["pixel"][1::2]].all()

@@ -43,6 +43,7 @@ def _run(
     texels: NDArray[np.float32] | None = None,
     ranges: NDArray[np.float32] | None = None,
     tree: bool = False,
+    parts: NDArray[np.float32] | None = None,
     **params: Any,
 ) -> tuple[NDArray[Any], Array]:
     """Rays and weights, (n, RAYS)."""
@@ -56,10 +57,13 @@ def _run(
         "maps_size": 1,
         **params,
     }
+    lanes = 1 if parts is None else parts.shape[1]
+    wide = {} if parts is None else {"cut_parts": parts.ravel()}
     out = runner(
         "passes/indirect/vpl_rays",
-        count,
-        constants={"FORM": 1, "TREE": float(tree)},
+        lanes * count,
+        entry="main" if parts is None else "wide",
+        constants={"FORM": 1, "TREE": float(tree), "LANES": lanes},
         params=record(CUT, **values),
         receivers=receivers,
         irradiance=np.stack([0 * irradiance] * 3 + [irradiance], axis=1).astype(np.float32),
@@ -68,6 +72,7 @@ def _run(
         ranges=np.zeros((2, 4), np.float32) if ranges is None else ranges,
         rays=np.full(count * RAYS, np.nan, RAY),
         ray_weights=np.full((count * RAYS, 4), np.nan, np.float32),
+        **wide,
     )
     rays = read(out, "rays", RAY).reshape(count, RAYS)
     weights = read(out, "ray_weights", np.float32, count, RAYS, 4)[..., :3].astype(np.float64)
@@ -148,13 +153,22 @@ def test_targets_are_texels_of_the_block(runner: Runner, rng: np.random.Generato
     assert shares[4] == pytest.approx(1 / 4, abs=0.03)
 
 
-def test_goes_through_a_tree_as_the_cut_does(runner: Runner, rng: np.random.Generator) -> None:
+@pytest.mark.parametrize("lanes", [1, 4])
+def test_goes_through_a_tree_as_the_cut_does(runner: Runner, rng: np.random.Generator, lanes: int) -> None:
     tree: Tree = random_tree(rng, 4)
     tree.nodes["extent"] = 0
     receivers = _receivers(rng, 32)
     exact = [cut(tree, receiver, (1, 4), "contribution", 0.02) for receiver in receivers]
     irradiance = np.zeros(32)
     irradiance[receivers["pixel"]] = [total.mean() for total, _, _ in exact]
+    parts = None
+    if lanes > 1:
+        below = [
+            cut(tree, r, (1, 4), "contribution", 0.02, roots=[k])[0].mean()
+            for r in receivers
+            for k in range(4)
+        ]
+        parts = np.reshape(below, (32, 4)).astype(np.float32)
     rays, weights = _run(
         runner,
         receivers,
@@ -162,6 +176,7 @@ def test_goes_through_a_tree_as_the_cut_does(runner: Runner, rng: np.random.Gene
         irradiance,
         ranges=tree.ranges,
         tree=True,
+        parts=parts,
         roots=4,
         coarsest=1,
         finest=4,
@@ -174,4 +189,14 @@ def test_goes_through_a_tree_as_the_cut_does(runner: Runner, rng: np.random.Gene
     ends = (receivers["origin"][:, None] + rays["direction"])[used]
     apart = np.abs(ends[:, None] - tree.nodes["position"][None]).max(axis=2).min(axis=1)
     assert (apart < 1e-5).all()
+    # each fourth of the tree gets its share of the rays, to one
+    if parts is not None:
+        quarter = (
+            tree.nodes["position"][1:5, None, None] - receivers["origin"][:, None] - rays["direction"]
+        ) ** 2
+        nearest = quarter[..., :2].sum(-1).argmin(0)
+        shares = (nearest[..., None] == np.arange(4)).mean(1)
+        expected = parts / parts.sum(1, keepdims=True)
+        assert_within(shares, expected, 1.5 / RAYS, "rays")
+        assert_not_within(shares, np.roll(expected, 1, 1), 1.5 / RAYS)
     assert_within(weights[used].mean(axis=1), np.ones(used.sum()), 1e-4)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -141,16 +142,24 @@ def bounds(receiver: Any, node: Any) -> tuple[float, float]:
 
 
 def cut(
-    tree: Tree, receiver: Any, levels: tuple[int, int], bound: str, threshold: float
+    tree: Tree,
+    receiver: Any,
+    levels: tuple[int, int],
+    bound: str,
+    threshold: float,
+    roots: Sequence[int] | None = None,
 ) -> tuple[Array, int, float]:
-    """Irradiance of one receiver, nodes that give it, and how near the nearest decision was: |ratio − 1|."""
+    """Irradiance of one receiver, nodes that give it, and how near the nearest decision was: |ratio − 1|.
+
+    `roots`: of these nodes of the coarsest level alone.
+    """
     coarsest, finest = levels
     estimate = coarsest if coarsest < 3 else 3
     first = tree.first(estimate)
     scale = sum(disc(receiver, node).mean() for node in tree.nodes[first : first + 4**estimate])
     closest = np.inf
     total, count = np.zeros(3), 0
-    stack = [(coarsest, number) for number in range(4**coarsest)]
+    stack = [(coarsest, number) for number in (range(4**coarsest) if roots is None else roots)]
     while stack:
         level, number = stack.pop()
         at = tree.first(level) + number
