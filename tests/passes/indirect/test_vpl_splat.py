@@ -79,10 +79,10 @@ def test_long_draws_are_cut_and_add_up(renderer: ml.Renderer) -> None:
     np.testing.assert_allclose(splatted, gathered, rtol=1e-5, atol=1e-7)
 
 
-def test_passes_take_time_after_something_was_drawn() -> None:
+def test_passes_take_time_after_something_was_drawn(adapter: str) -> None:
     """Mesa's timestamps stop at the first draw; then the wall clock tells, and stages fill the frame."""
     place, settings = _place(256, 192), _settings(refine="none", indirect="gather", vpls=256)
-    with ml.Renderer() as renderer:
+    with ml.Renderer(adapter) as renderer:
         before = renderer.render(*place, settings).stats
         drawn = renderer.render(*place, settings.replace(indirect="splat", vpls=16)).stats
         after = [renderer.render(*place, settings).stats for _ in range(2)][-1]
@@ -91,7 +91,8 @@ def test_passes_take_time_after_something_was_drawn() -> None:
     assert drawn.stages["indirect/vpl_splat"] > 0.5
     for stats in (drawn, after):
         assert sum(stats.stages.values()) == pytest.approx(stats.total_ms, rel=0.1)
-        assert stats.stages["host"] < 0.5 * stats.total_ms
+        if renderer.adapter["software"]:
+            assert stats.stages["host"] < 0.5 * stats.total_ms
 
 
 def test_a_radius_darkens(renderer: ml.Renderer) -> None:

@@ -51,8 +51,7 @@ def random_case(
     limits = {
         "depth_threshold": 1.0,
         "normal_threshold": 0.6,
-        "depth_metric": 3,
-        "normal_metric": 2,
+        "metrics": (3, 2),
     }
     return fragments(runner, rng, view, g, coarsest, **limits)
 
@@ -191,7 +190,7 @@ def step_case(runner: Runner, rng: np.random.Generator, column: int = 29) -> tup
     left = np.arange(64 * 32) % 64 < column
     eye = view["eye"][0].astype(np.float64)
     g.position[~left] = eye + 1.5 * (g.position[~left] - eye)
-    limits = {"depth_threshold": 0.05, "normal_threshold": 0.25, "depth_metric": 3, "normal_metric": 2}
+    limits = {"depth_threshold": 0.05, "normal_threshold": 0.25, "metrics": (3, 2)}
     case = fragments(runner, rng, view, g, 4, **limits)
     numbers = np.arange(64 * 32).reshape(32, 64)
     for level, (columns, rows, first, _) in enumerate(case.levels[:5]):

@@ -37,7 +37,7 @@ def test_a_ramp_across_fragments_is_smooth(runner: Runner, rng: np.random.Genera
     """On a bare wall lit linearly the inside of the image is linear again, where nearest leaves steps."""
     view = random_view(rng, 128, 64)
     g = plane_gbuffer(view, 0.0)
-    limits = {"depth_threshold": 0.05, "normal_threshold": 0.25, "depth_metric": 3, "normal_metric": 2}
+    limits = {"depth_threshold": 0.05, "normal_threshold": 0.25, "metrics": (3, 2)}
     case = fragments(runner, rng, view, g, 3, **limits)
     columns, _, first, count = case.levels[3]
     case.light = np.repeat(((np.arange(count) % columns) * 8 + 4)[:, None], 3, axis=1)

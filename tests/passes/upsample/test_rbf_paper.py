@@ -35,7 +35,7 @@ def test_the_paper_s_form_agrees_with_its_equations(
 def test_the_paper_s_form_keeps_no_constant(runner: Runner, rng: np.random.Generator) -> None:
     """On a bare wall in even light its sum without a constant sags between samples; ours does not."""
     view = random_view(rng, 64, 64)
-    limits = {"depth_threshold": 0.05, "normal_threshold": 0.25, "depth_metric": 3, "normal_metric": 2}
+    limits = {"depth_threshold": 0.05, "normal_threshold": 0.25, "metrics": (3, 2)}
     case = fragments(runner, rng, view, plane_gbuffer(view, 0.0), 3, **limits)
     case.at[case.at == CULLED] = 0
     expected = constant(case, 0.7)
