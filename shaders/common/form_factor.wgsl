@@ -72,6 +72,14 @@ fn disc_irradiance(at: Lit, place: vec4f, facing: vec4f, flux: vec3f, disc: bool
     return flux * select(0.0, share, lit);
 }
 
+// The same, at most what a unit of flux may give: a cluster's mean gives no more than any of its surfaces may.
+fn limited_irradiance(
+    at: Lit, place: vec4f, facing: vec4f, flux: vec3f, disc: bool, reach: f32, most: f32,
+) -> vec3f {
+    let share = disc_irradiance(at, place, facing, vec3f(1.0), disc, reach).x;
+    return flux * min(share, most);
+}
+
 fn is_near(at: Lit, place: vec4f, facing: vec4f) -> bool {
     let d = place.xyz - at.position;
     let reach = NEAR_RADII * facing.w;

@@ -2,7 +2,7 @@
 // texels: a device without branches would else find a quadrilateral for every virtual light.
 
 import package::common::form_factor::{
-    DISC, Lit, QUAD, disc_irradiance, is_near, mean_of, patch_of, quad_irradiance,
+    DISC, Lit, QUAD, disc_irradiance, is_near, limited_irradiance, mean_of, patch_of, quad_irradiance,
 };
 import package::common::rsm::RsmMap;
 
@@ -19,12 +19,12 @@ struct Gathered {
     near: array<u32, MOST_NEAR>,
 }
 
-// Adds the virtual light with this number.
-fn gather_light(sum: ptr<function, Gathered>, at: Lit, number: u32, reach: f32) {
+// Adds the virtual light with this number, a unit of whose flux gives `most` at most.
+fn gather_light(sum: ptr<function, Gathered>, at: Lit, number: u32, reach: f32, most: f32) {
     let place = virtual_lights[4u * number];
     let facing = virtual_lights[4u * number + 1u];
     let flux = virtual_lights[4u * number + 2u].xyz;
-    var light = disc_irradiance(at, place, facing, flux, FORM == DISC, reach);
+    var light = limited_irradiance(at, place, facing, flux, FORM == DISC, reach, most);
     if FORM == QUAD {
         if is_near(at, place, facing) && (*sum).nears < MOST_NEAR && any(flux > vec3f(0.0)) {
             (*sum).near[(*sum).nears] = number;

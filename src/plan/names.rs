@@ -75,7 +75,8 @@ pub const VPL_FRAGMENTS: [&str; 6] = [
 /// Passes that take the light of virtual lights to them.
 pub const TRANSPORT: [&str; 3] = ["indirect/vpl_gather", "indirect/vpl_splat", "indirect/light_cut"];
 /// Passes of fragments for each virtual light.
-pub const VPL_LISTS: [&str; 3] = ["indirect/vpl_points", "indirect/vpl_lists", "indirect/vpl_pixels"];
+pub const VPL_LISTS: [&str; 4] =
+    ["indirect/vpl_points", "indirect/vpl_lists", "indirect/vpl_levels", "indirect/vpl_pixels"];
 /// Passes that find how much of it arrives.
 pub const VPL_VISIBLE: [&str; 3] = ["indirect/vpl_rays", "indirect/vpl_shadow", "indirect/vpl_visible"];
 /// Passes that take it to the pixels.

@@ -163,6 +163,19 @@ def test_a_cut_follows_its_threshold(renderer: ml.Renderer) -> None:
         assert evaluated[-1] < 0.6 * every.stats.light_evaluations
 
 
+def test_coarse_clusters_shine_in_all_their_directions(renderer: ml.Renderer) -> None:
+    """Some 100 clusters, where no ball of theirs is near, against all their texels."""
+    place = _room(48)
+    settings = _off("hierarchical-2009").replace(refine="none", coarsest_vpls=64)
+    every = _light(renderer, place, settings.replace(light_cut_threshold=0.0))
+    coarse = _light(renderer, place, settings.replace(light_cut_threshold=1.0))
+    assert coarse.stats.light_evaluations < every.stats.light_evaluations / 60
+    print(_error(coarse, every))
+    assert _error(coarse, every) < 0.05
+    seen = every.surface_mask
+    assert coarse.indirect[seen].mean() == pytest.approx(every.indirect[seen].mean(), rel=0.02)
+
+
 def test_few_virtual_lights_come_near_many(renderer: ml.Renderer) -> None:
     """At equal number, clusters and importance are no worse than a grid; all have the energy of many."""
     place = _room(64)
@@ -190,7 +203,10 @@ def test_a_list_for_each_light_follows_its_threshold(renderer: ml.Renderer) -> N
     found = [_light(renderer, place, lists.replace(illumination_threshold=t)) for t in (0.3, 0.03, 0.0)]
     errors = [_error(frame, every) for frame in found]
     looks = [frame.stats.light_evaluations for frame in found]
-    print(errors, shared, looks)
+    totals = [frame.indirect_fragments.total for frame in found if frame.indirect_fragments is not None]
+    print(errors, shared, looks, totals)
+    assert totals == sorted(totals)
+    assert totals[0] < 0.7 * totals[2]
     assert errors[0] > errors[1] > errors[2]
     assert looks[0] < looks[1] < looks[2]
     assert errors[1] < 0.5 * shared

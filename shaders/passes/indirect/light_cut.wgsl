@@ -1,14 +1,14 @@
 // Irradiance at each receiver from a cut of its own through the tree of virtual lights [NSW09 Sec. 3.5].
 //   main  a thread for each receiver
 //   wide  LANES threads for each, which share the nodes of the coarsest level: for a device with more threads than receivers
-// In: receivers, the tree, maps. Out: irradiance, w: its mean over the channels with discs alone; cut_parts: what each
-// thread has of that; in and out: how many nodes were evaluated.
+// In: receivers, the tree, maps. Out, after the first part also in: irradiance, w: its mean over the channels with discs
+// alone; parts: what each part of the coarsest level, or each thread, has of that; in and out: how many nodes were evaluated.
 
 import package::common::evaluations::{evaluated, evaluations};
 import package::common::form_factor::Lit;
 import package::common::grid::{Grid, item_index};
 import package::common::light_cut::{
-    after, below, first_visit, node_of, params, ranges, reference_irradiance, splits,
+    after, below, first_visit, judged, node_of, params, ranges, reference_irradiance,
 };
 import package::common::near_lights::{Gathered, gather_light, gathered_irradiance, maps, virtual_lights};
 import package::common::ray::Receiver;
@@ -19,7 +19,7 @@ override LANES: u32 = 1u;
 @group(0) @binding(30) var<uniform> grid: Grid;
 @group(0) @binding(1) var<storage, read> receivers: array<Receiver>;
 @group(0) @binding(3) var<storage, read_write> irradiance: array<vec4f>;
-@group(0) @binding(4) var<storage, read_write> cut_parts: array<f32>;
+@group(0) @binding(4) var<storage, read_write> parts: array<f32>;
 
 var<workgroup> estimates: array<f32, 64>;
 var<workgroup> sums: array<vec4f, 64>;
@@ -30,10 +30,11 @@ fn cut_light(at: Lit, scale: f32, first: u32) -> vec4f {
     var count = 0u;
     var visit = first_visit(first);
     while !visit.end {
-        if splits(at, visit, scale) {
+        let known = judged(at, visit, scale);
+        if known.split {
             visit = below(visit);
         } else {
-            gather_light(&sum, at, node_of(visit), params.reach);
+            gather_light(&sum, at, node_of(visit), params.reach, known.most);
             count++;
             visit = after(visit, LANES);
         }
@@ -54,7 +55,13 @@ fn main(
     }
     let r = receivers[i];
     let at = Lit(r.origin, r.normal_shade, r.normal_geo);
-    irradiance[r.pixel] = cut_light(at, reference_irradiance(at, 0u, 1u), 0u);
+    let light = cut_light(at, reference_irradiance(at, 0u, 1u), params.first_root);
+    if params.parts == 1u {
+        irradiance[r.pixel] = light;
+        return;
+    }
+    parts[i * params.parts + params.part] = light.w;
+    irradiance[r.pixel] = light + select(irradiance[r.pixel], vec4f(0.0), params.part == 0u);
 }
 
 @compute @workgroup_size(64)
@@ -79,7 +86,7 @@ fn wide(
             scale += estimates[first + k];
         }
         sums[lane] = cut_light(at, scale, part);
-        cut_parts[item] = sums[lane].w;
+        parts[item] = sums[lane].w;
     }
     workgroupBarrier();
     if works && part == 0u {

@@ -1,15 +1,15 @@
 // Rays from each receiver towards virtual lights that are chosen by what they contribute without occlusion: K equal
 // parts of the receiver's irradiance, one ray from a place in each, so that bright lights are asked often and none is
 // asked for nothing. [NW09 Sec. 6 and NSW09 Sec. 5 leave indirect visibility open; Deviation: they have none]
-//   main  a thread for each receiver
+//   main  a thread for each receiver, and the rays into the part of the irradiance that is at hand
 //   wide  LANES threads for each, as `light_cut` has them; each shoots the rays into the part of the irradiance that it has
-// In: receivers, the cut or list, irradiance (w: its mean over the channels), cut_parts, texels of the maps. Out: rays; for
+// In: receivers, the cut or list, irradiance (w: its mean over the channels), parts, texels of the maps. Out: rays; for
 // each what it stands for, rgb.
 
-import package::common::form_factor::{DISC, Lit, disc_irradiance, mean_of};
+import package::common::form_factor::{DISC, Lit, limited_irradiance, mean_of};
 import package::common::grid::{Grid, item_index};
 import package::common::light_cut::{
-    after, below, first_visit, node_of, params, ranges, reference_irradiance, splits,
+    after, below, first_visit, judged, node_of, params, ranges, reference_irradiance,
 };
 import package::common::near_lights::{FORM, virtual_lights};
 import package::common::random::random4;
@@ -27,7 +27,7 @@ override LANES: u32 = 1u;
 @group(0) @binding(3) var<storage, read> rsm_texels: array<vec4f>;
 @group(0) @binding(4) var<storage, read_write> rays: array<Ray>;
 @group(0) @binding(5) var<storage, read_write> ray_weights: array<vec4f>;
-@group(0) @binding(6) var<storage, read> cut_parts: array<f32>;
+@group(0) @binding(6) var<storage, read> parts: array<f32>;
 
 var<workgroup> estimates: array<f32, 64>;
 
@@ -71,13 +71,19 @@ fn shoot(i: u32, r: Receiver, at: Lit, scale: f32, root: u32, low: f32, high: f3
     var sum = low;
     var visit = first_visit(root);
     while !visit.end && k < params.rays && next < high && step > 0.0 {
-        if TREE && splits(at, visit, scale) {
-            visit = below(visit);
-            continue;
+        var most = EVERYTHING;
+        if TREE {
+            let known = judged(at, visit, scale);
+            if known.split {
+                visit = below(visit);
+                continue;
+            }
+            most = known.most;
         }
         let row = 4u * node_of(visit);
-        let light = disc_irradiance(
-            at, virtual_lights[row], virtual_lights[row + 1u], virtual_lights[row + 2u].xyz, FORM == DISC, params.reach);
+        let light = limited_irradiance(
+            at, virtual_lights[row], virtual_lights[row + 1u], virtual_lights[row + 2u].xyz, FORM == DISC, params.reach,
+            most);
         sum += mean_of(light);
         while k < params.rays && next < min(sum, high) {
             let place = target_in(row, r.origin, random4(vec4u(r.pixel, k, 8u, params.seed)));
@@ -95,6 +101,18 @@ fn shoot(i: u32, r: Receiver, at: Lit, scale: f32, root: u32, low: f32, high: f3
         k++;
         next = step * place_in_part(r.pixel, k);
     }
+}
+
+// From where to where a part of the irradiance goes; the last takes what rounding adds.
+fn part_of(i: u32, part: u32, count: u32) -> vec2f {
+    if count == 1u {
+        return vec2f(0.0, EVERYTHING);
+    }
+    var low = 0.0;
+    for (var k = 0u; k < part; k++) {
+        low += parts[i * count + k];
+    }
+    return vec2f(low, select(low + parts[i * count + part], EVERYTHING, part + 1u == count));
 }
 
 fn shoot_none(i: u32) {
@@ -116,7 +134,9 @@ fn main(
     }
     let r = receivers[i];
     if r.pixel == INACTIVE {
-        shoot_none(i);
+        if params.part == 0u {
+            shoot_none(i);
+        }
         return;
     }
     let at = Lit(r.origin, r.normal_shade, r.normal_geo);
@@ -124,7 +144,8 @@ fn main(
     if TREE {
         scale = reference_irradiance(at, 0u, 1u);
     }
-    shoot(i, r, at, scale, 0u, 0.0, EVERYTHING);
+    let part = part_of(i, params.part, params.parts);
+    shoot(i, r, at, scale, params.first_root, part.x, part.y);
 }
 
 @compute @workgroup_size(64)
@@ -148,12 +169,8 @@ fn wide(
         for (var k = 0u; k < LANES; k++) {
             scale += estimates[lane - part + k];
         }
-        var low = 0.0;
-        for (var k = 0u; k < part; k++) {
-            low += cut_parts[i * LANES + k];
-        }
-        let high = select(low + cut_parts[item], EVERYTHING, part == LANES - 1u);
-        shoot(i, r, at, scale, part, low, high);
+        let own = part_of(i, part, LANES);
+        shoot(i, r, at, scale, part, own.x, own.y);
     } else if item < grid.end && part == 0u {
         shoot_none(i);
     }

@@ -18,7 +18,11 @@ struct VplPointsParams {
     lights: u32,
     reach: f32,
     threshold: f32,     // difference over the mean irradiance; negative: any
-    pad: u32,
+    first: u32,         // virtual light of this part
+    end: u32,           // one past its last
+    pad0: u32,
+    pad1: u32,
+    pad2: u32,
 }
 
 override DISC: bool = false;
@@ -85,11 +89,12 @@ fn estimate(
     let number = pyramid.levels[pyramid.coarsest].z + i;
     let p = points[number - pyramid.levels[1].z];
     var sum = 0.0;
-    for (var j = 0u; j < params.lights; j++) {
+    for (var j = params.first; j < params.end; j++) {
         let light = short_light(j, 0.0);
         sum += dot(light.flux.xyz, vec3f(1.0 / 3.0)) * shares(p, light, DISC, params.reach, false).x;
     }
-    estimates[i] = vec2f(sum, select(0.0, 1.0, (texel_state[number] & LIT) != 0u));
+    let before = select(estimates[i].x, 0.0, params.first == 0u);
+    estimates[i] = vec2f(before + sum, select(0.0, 1.0, (texel_state[number] & LIT) != 0u));
 }
 
 // One workgroup.

@@ -3,6 +3,7 @@
 use bytemuck::{Pod, Zeroable};
 
 use super::forms;
+use super::parts::{self, AT_ONCE, Parts};
 use crate::error::Result;
 use crate::gpu::Buffer;
 use crate::passes::Context;
@@ -15,6 +16,10 @@ use crate::settings::Settings;
 const CUT_NS: [f64; 2] = [20_000.0, 200.0];
 /// Threads of a receiver where there are more of them than receivers.
 const LANES: usize = 16;
+/// Nodes that a thread visits at most; twin of `MOST_VISITS` in `shaders/common/light_cut.wgsl`.
+const MOST_VISITS: usize = 40_000;
+/// Thresholds below which a cut may come to more.
+const EVERYTHING: f32 = 1e-4;
 /// Level that irradiance is estimated at, where the coarsest in use is not coarser.
 const REFERENCE: u32 = 3;
 
@@ -22,7 +27,7 @@ const REFERENCE: u32 = 3;
 #[repr(C)]
 #[derive(Debug, Clone, Copy, PartialEq, Pod, Zeroable)]
 pub struct CutParams {
-    /// Nodes of the coarsest level in use.
+    /// End of the nodes of the coarsest level in use.
     pub roots: u32,
     /// Coarsest level in use.
     pub coarsest: u32,
@@ -44,8 +49,16 @@ pub struct CutParams {
     pub maps_size: u32,
     /// Level that irradiance is estimated at.
     pub reference: u32,
+    /// Of this part.
+    pub first_root: u32,
+    /// Number of the part.
+    pub part: u32,
+    /// Parts of the coarsest level.
+    pub parts: u32,
     /// Unused.
-    pub pad: u32,
+    pub pad0: u32,
+    /// Unused.
+    pub pad1: u32,
 }
 
 /// How far a virtual light reaches.
@@ -79,12 +92,27 @@ impl CutParams {
         Self { roots: lights.count as u32, maps: 1, ..Self::of_any(settings, rsm) }
     }
 
+    /// One for each part.
+    pub fn each(self) -> impl Iterator<Item = Self> {
+        let below = ((1_usize << (2 * (self.finest - self.coarsest + 1))) - 1) / 3;
+        let len = if self.threshold < EVERYTHING { MOST_VISITS / below } else { AT_ONCE };
+        let parts = parts::ranges_of(self.roots as usize, len).count() as u32;
+        parts::ranges_of(self.roots as usize, len).enumerate().map(move |(part, range)| Self {
+            first_root: range.start as u32,
+            roots: range.end as u32,
+            part: part as u32,
+            parts,
+            ..self
+        })
+    }
+
     fn of_any(settings: &Settings, rsm: &Rsm) -> Self {
         Self {
             reach: reach(settings),
             rays: settings.int("indirect_rays"),
             seed: settings.int("seed"),
             maps_size: rsm.resolution,
+            parts: 1,
             ..Self::zeroed()
         }
     }
@@ -97,7 +125,7 @@ pub fn lanes(context: &Context<'_, '_>) -> usize {
 
 /// Irradiance of `count` receivers at the places that their `pixel` says; nodes that were evaluated are added to
 /// `evaluations`: the lowest byte of each receiver's number to the first word, the rest of it to the second. Returns what each thread of
-/// a receiver has of the irradiance; of a single thread nothing.
+/// a receiver, or each part of the coarsest level, has of the irradiance.
 ///
 /// # Errors
 /// Those of the device; `Cancelled`.
@@ -108,21 +136,20 @@ pub fn record(
     tree: &Tree,
     irradiance: &Buffer<[f32; 4]>,
     evaluations: &Buffer<u32>,
-) -> Result<Buffer<f32>> {
+) -> Result<Parts> {
     let params = CutParams::of_tree(context.settings, rsm);
     let [form, mixed] = forms(context.settings);
     let lanes = lanes(context);
     let entry = if lanes > 1 { "wide" } else { "main" };
     let kernel = context.kernel_with("indirect/light_cut", entry, &[form, mixed, ("LANES", lanes as f64)])?;
-    let parts = context.resources.buffer("cut_parts", if lanes > 1 { count * lanes } else { 1 })?;
-    let pass = context.recorder.pass("light_cut", &kernel).uniform("params", &params);
-    let pass = pass.bind("receivers", receivers).bind("maps", &rsm.table);
-    let pass = pass.bind("virtual_lights", &tree.nodes).bind("ranges", &tree.ranges);
-    let mut pass = pass.bind("irradiance", irradiance).bind("evaluations", evaluations);
-    if lanes > 1 {
-        pass = pass.bind("cut_parts", &parts);
+    let all = if lanes > 1 { vec![params] } else { params.each().collect() };
+    let parts = Parts::of_count(context, count, lanes.max(all.len()))?;
+    for params in all {
+        let pass = context.recorder.pass("light_cut", &kernel).uniform("params", &params);
+        let pass = pass.bind("receivers", receivers).bind("maps", &rsm.table).bind("parts", &parts.values);
+        let pass = pass.bind("virtual_lights", &tree.nodes).bind("ranges", &tree.ranges);
+        let pass = pass.bind("irradiance", irradiance).bind("evaluations", evaluations);
+        pass.dispatch_cut(count * lanes, CUT_NS[usize::from(lanes > 1)] / lanes as f64)?;
     }
-    let guess = CUT_NS[usize::from(lanes > 1)];
-    pass.dispatch_cut(count * lanes, guess / lanes as f64)?;
     Ok(parts)
 }

@@ -5,6 +5,7 @@ pub mod gather_hits;
 pub mod gather_rays;
 pub mod gather_sum;
 pub mod light_cut;
+pub mod parts;
 pub mod virtual_lights;
 pub mod vpl_gather;
 pub mod vpl_rays;

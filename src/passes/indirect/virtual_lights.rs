@@ -1,5 +1,6 @@
 //! Indirect light from virtual lights: where lights shine, what is reflected there, and what of it each fragment gets.
 
+use super::parts::{self, Parts};
 use super::{Indirect, light_cut, vpl_gather, vpl_rays, vpl_splat, vpl_visible};
 use crate::error::{Error, Result};
 use crate::gpu::{Buffer, Gpu};
@@ -65,6 +66,20 @@ fn check_lists(settings: &Settings) -> Result<()> {
     refuse("form_factor", "quad", "point, disc")
 }
 
+/// Rays towards virtual lights know what each part of a sum has; splats have no parts.
+fn check_splats(settings: &Settings, lights: &Lights) -> Result<()> {
+    let splats = settings.is("indirect", "splat") && settings.is("indirect_visibility", "on");
+    match lights {
+        Lights::List(list) if splats && parts::ranges(list.count).count() > 1 => Err(Error::Settings(format!(
+            "vpls makes {} virtual lights for all lights; allowed with indirect=\"splat\" and indirect_visibility=\"on\": \
+             {}",
+            list.count,
+            parts::AT_ONCE
+        ))),
+        _ => Ok(()),
+    }
+}
+
 fn lights(context: &mut Context<'_, '_>, rsm: &Rsm) -> Result<Lights> {
     if context.settings.is("indirect", "hierarchical") {
         return Ok(Lights::Tree(rsm_tree::record(context, rsm)?));
@@ -125,6 +140,7 @@ impl<'g> Work<'g> {
     fn new(context: &mut Context<'_, '_>, gbuffer: &'g GBuffer) -> Result<Self> {
         let rsm = rsm_rays::record(context)?;
         let lights = lights(context, &rsm)?;
+        check_splats(context.settings, &lights)?;
         let listed = match context.settings.is("refine", "none") {
             true => None,
             false => Some(one_pass::record_all_lit(context, gbuffer, PREFIX)?),
@@ -155,20 +171,18 @@ impl<'g> Work<'g> {
             None => receivers::record(context, self.gbuffer, first, count, receivers, &self.active)?,
         }
         let list = (receivers, count);
-        let mut parts = None;
-        match &self.lights {
-            Lights::Tree(tree) => {
-                parts = Some(light_cut::record(context, list, &self.rsm, tree, irradiance, &self.evaluations)?);
-            }
+        let parts = match &self.lights {
+            Lights::Tree(tree) => light_cut::record(context, list, &self.rsm, tree, irradiance, &self.evaluations)?,
             Lights::List(lights) if context.settings.is("indirect", "splat") => {
                 vpl_splat::record(context, list, lights, irradiance)?;
+                Parts::of_count(context, count, 1)?
             }
             Lights::List(lights) => vpl_gather::record(context, list, &self.rsm, lights, irradiance)?,
-        }
+        };
         let Some(seen) = &self.seen else { return Ok(()) };
         let rays = count * context.settings.int("indirect_rays") as usize;
         let (answers, tracer) = ((&seen.rays, &seen.weights), context.tracer);
-        vpl_rays::record(context, list, (&self.rsm, &self.lights), irradiance, parts.as_ref(), answers)?;
+        vpl_rays::record(context, list, (&self.rsm, &self.lights), irradiance, &parts, answers)?;
         context.rays += tracer.any(context.recorder, "vpl_shadow", &seen.rays, &seen.occluded, 0..rays)?;
         vpl_visible::sum_up(context, list, (&seen.occluded, &seen.weights), &seen.sums)
     }
@@ -227,7 +241,12 @@ pub fn per_light(context: &mut Context<'_, '_>, gbuffer: &GBuffer, glossy: bool)
     };
     let reflected = vpl_lists::record(context, gbuffer, &list, glossy)?;
     let evaluations = Evaluations { counted: Some(reflected.evaluations), receivers: None, each: 0 };
-    Ok(Indirect { irradiance: reflected.irradiance, levels: None, specular: reflected.radiance, evaluations })
+    Ok(Indirect {
+        irradiance: reflected.irradiance,
+        levels: reflected.levels,
+        specular: reflected.radiance,
+        evaluations,
+    })
 }
 
 /// How many virtual lights were evaluated, as far as the host knows before the frame ends.

@@ -6,6 +6,12 @@ use super::virtual_light::{Rsm, VirtualLights};
 use crate::error::Result;
 use crate::passes::Context;
 
+/// Texels along a block's edge from which on a workgroup adds it up: Mesa's software renderer ends a loop after 65,535
+/// rounds, and a thread would be slow.
+const WIDE: u32 = 64;
+/// Threads of a workgroup.
+const GROUP: usize = 64;
+
 /// Twin of `VplGridParams` in `shaders/passes/lights/vpl_grid.wgsl`.
 #[repr(C)]
 #[derive(Debug, Clone, Copy, Pod, Zeroable)]
@@ -51,10 +57,12 @@ pub fn record(context: &mut Context<'_, '_>, rsm: &Rsm) -> Result<VirtualLights>
         count += lights;
     }
     let lights = context.resources.buffer("vpls", count)?;
-    let kernel = context.kernel("lights/vpl_grid", "main")?;
     for (params, lights_of) in parts {
+        let wide = params.resolution / params.across >= WIDE;
+        let kernel = context.kernel("lights/vpl_grid", if wide { "wide" } else { "main" })?;
         let pass = context.recorder.pass("vpl_grid", &kernel).uniform("params", &params);
-        pass.bind("rsm_texels", &rsm.texels).bind("vpls", &lights).dispatch(lights_of)?;
+        let pass = pass.bind("rsm_texels", &rsm.texels).bind("vpls", &lights);
+        pass.dispatch(if wide { GROUP * lights_of } else { lights_of })?;
     }
     Ok(VirtualLights { lights, count })
 }

@@ -16,6 +16,7 @@ pub mod pyramid;
 pub mod stop_guard;
 pub mod sub_fragments;
 pub mod uniform_levels;
+pub mod vpl_levels;
 pub mod vpl_lists;
 pub mod vpl_points;
 pub mod zone;

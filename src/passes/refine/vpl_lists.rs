@@ -4,7 +4,7 @@ use bytemuck::{Pod, Zeroable};
 
 use super::pyramid::Pyramid;
 use super::vpl_points::{self, Points};
-use super::{compact, one_pass};
+use super::{compact, one_pass, vpl_levels};
 use crate::error::Result;
 use crate::gpu::{Buffer, Usage};
 use crate::passes::indirect::light_cut::reach;
@@ -51,6 +51,8 @@ pub struct Reflected {
     pub radiance: Option<Buffer<[f32; 4]>>,
     /// Virtual lights looked at from a point: bytes and the rest, as of `light_cut`.
     pub evaluations: Buffer<u32>,
+    /// Level and reason of the finest fragment at each pixel; without virtual lights there is none.
+    pub levels: Option<[Buffer<u32>; 2]>,
 }
 
 /// What a batch works on.
@@ -107,6 +109,8 @@ pub fn record(
     }
     context.recorder.clear(&lists.evaluations)?;
     let images = [&irradiance, &radiance];
+    let level_map = context.resources.buffer("indirect_level_map", pixels)?;
+    let maps = [level_map, context.resources.buffer("indirect_reason_map", pixels)?];
     let reach = reach(context.settings);
     for (first, count) in batches {
         let words = count.div_ceil(LIGHTS) as u32;
@@ -125,9 +129,11 @@ pub fn record(
             lists.count(context, &params)?;
             vpl_pixels::pixels(context, gbuffer, &lists, &params, images)?;
         }
+        vpl_levels::record(context, gbuffer, &lists, &params, &maps)?;
     }
     vpl_pixels::levels(context, &lists, lowest, images)?;
-    Ok(Reflected { irradiance, radiance: glossy.then_some(radiance), evaluations: lists.evaluations })
+    let levels = (lights.count > 0).then_some(maps);
+    Ok(Reflected { irradiance, radiance: glossy.then_some(radiance), evaluations: lists.evaluations, levels })
 }
 
 impl Lists {

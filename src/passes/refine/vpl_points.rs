@@ -6,7 +6,7 @@ use super::pyramid::Pyramid;
 use crate::error::Result;
 use crate::gpu::Buffer;
 use crate::passes::indirect::light_cut::reach;
-use crate::passes::indirect::mixed;
+use crate::passes::indirect::{mixed, parts};
 use crate::passes::lights::virtual_light::VirtualLights;
 use crate::passes::{Context, GBuffer};
 
@@ -57,8 +57,16 @@ pub struct VplPointsParams {
     pub reach: f32,
     /// Difference over the mean irradiance; negative: any.
     pub threshold: f32,
+    /// Virtual light of this part.
+    pub first: u32,
+    /// One past its last.
+    pub end: u32,
     /// Unused.
-    pub pad: u32,
+    pub pad0: u32,
+    /// Unused.
+    pub pad1: u32,
+    /// Unused.
+    pub pad2: u32,
 }
 
 /// Shading points and virtual lights.
@@ -98,7 +106,8 @@ pub fn record(
     let (texels, count) = (pyramid.texels_above(), virtual_lights.count);
     let coarsest = pyramid.levels[pyramid.coarsest as usize][3] as usize;
     let threshold = context.settings.float("illumination_threshold").map_or(-1.0, |t| t as f32);
-    let params = VplPointsParams { lights: count as u32, reach: reach(context.settings), threshold, pad: 0 };
+    let params =
+        VplPointsParams { lights: count as u32, reach: reach(context.settings), threshold, ..Zeroable::zeroed() };
     let points = context.resources.buffer("vpl_points", texels)?;
     let lights = context.resources.buffer("short_lights", count.max(1))?;
     let estimates: Buffer<[f32; 2]> = context.resources.buffer("vpl_estimates", coarsest)?;
@@ -112,9 +121,13 @@ pub fn record(
     let pass = pass.bind("g_normal", &gbuffer.normal).bind("g_geometric", &gbuffer.geometric);
     let pass = pass.bind("g_albedo", &gbuffer.albedo).bind("instance_lobes", &lobes);
     pass.bind("texel_state", state).bind("points", &points).dispatch(texels)?;
-    let pass = context.recorder.pass("vpl_points", &estimate).uniform("params", &params).uniform("pyramid", pyramid);
-    let pass = pass.bind("points", &points).bind("texel_state", state).bind("estimates", &estimates);
-    pass.bind("virtual_lights", &virtual_lights.lights).dispatch_cut(coarsest, PAIR_NS * count.max(1) as f64)?;
+    for part in parts::ranges(count) {
+        let params = VplPointsParams { first: part.start as u32, end: part.end as u32, ..params };
+        let pass = context.recorder.pass("vpl_points", &estimate).uniform("params", &params);
+        let pass = pass.uniform("pyramid", pyramid).bind("points", &points).bind("texel_state", state);
+        let pass = pass.bind("estimates", &estimates).bind("virtual_lights", &virtual_lights.lights);
+        pass.dispatch_cut(coarsest, PAIR_NS * part.len().max(1) as f64)?;
+    }
     let pass = context.recorder.pass("vpl_points", &averaged).uniform("pyramid", pyramid);
     pass.bind("estimates", &estimates).bind("mean_irradiance", &mean).dispatch_groups(1)?;
     let pass = context.recorder.pass("vpl_points", &table).uniform("params", &params);

@@ -41,6 +41,7 @@ def _params(tree: Tree, levels: tuple[int, int], bound: str, threshold: float) -
         threshold=threshold,
         reach=3e38,
         reference=min(coarsest, 3),
+        parts=1,
     )
 
 
@@ -54,7 +55,6 @@ def _run(
     form: int = 1,
     lanes: int = 1,
 ) -> tuple[Array, int]:
-    wide = {"cut_parts": np.zeros(lanes * len(receivers), np.float32)} if lanes > 1 else {}
     out = runner(
         "passes/indirect/light_cut",
         lanes * len(receivers),
@@ -67,10 +67,10 @@ def _run(
         ranges=tree.ranges,
         irradiance=np.full((len(receivers), 4), np.nan, np.float32),
         evaluations=np.zeros(2, np.uint32),
-        **wide,
+        parts=np.zeros(lanes * len(receivers), np.float32),
     )
     if lanes > 1:
-        parts = read(out, "cut_parts", np.float32, len(receivers), lanes).sum(axis=1)
+        parts = read(out, "parts", np.float32, len(receivers), lanes).sum(axis=1)
         light = read(out, "irradiance", np.float32, len(receivers), 4)[:, 3]
         given = receivers["pixel"] != MISS
         assert_within(parts[given], light[receivers["pixel"][given]], 1e-5 * parts[given] + 1e-9, "parts")
@@ -157,7 +157,7 @@ def test_inactive_receivers_are_left_alone(runner: Runner, rng: np.random.Genera
 
 @pytest.mark.parametrize("alike", [0.15, 0.5, 0.8, 0.95])
 def test_emission_is_that_of_normals_about_their_mean(rng: np.random.Generator, alike: float) -> None:
-    """Against a sum over normals that are distributed as von Mises and Fisher have it; a single cosine is far off."""
+    """Against normals spread as von Mises and Fisher have it; one cosine is far off."""
     mean_length = lambda kappa: 1 / np.tanh(kappa) - 1 / kappa  # noqa: E731
     kappa = scipy.optimize.brentq(lambda kappa: mean_length(kappa) - alike, 1e-3, 1e3)
     normals = scipy.stats.vonmises_fisher([0, 0, 1], kappa).rvs(200_000, random_state=rng)
@@ -187,6 +187,7 @@ def test_a_node_of_surfaces_that_face_different_ways_shines_like_them(
     leaves["position"], leaves["normal"], leaves["flux"] = 0.01 * normals, normals, 1.0
     node = np.zeros(1, VIRTUAL_LIGHT)
     node["position"], node["normal"], node["flux"] = leaves["position"].mean(0), normals.mean(0), float(4**5)
+    node["radius"], node["thickness"], node["spread"] = 0.02, 0.02, 2.0
     receivers = np.zeros(40, RECEIVER)
     away = rng.normal(size=(40, 3))
     away /= np.linalg.norm(away, axis=1, keepdims=True)
@@ -199,3 +200,19 @@ def test_a_node_of_surfaces_that_face_different_ways_shines_like_them(
     node["normal"] /= np.linalg.norm(node["normal"])
     out = _run(runner, single, receivers, (0, 0), "error", 0.0)[0][:, 0]
     assert_not_within(out, all_of, 0.15 * all_of.max())
+
+
+def test_nodes_give_no_more_than_their_surfaces_may(runner: Runner) -> None:
+    """What a cluster's mean emission sends behind all of its surfaces is cut off."""
+    node = np.zeros(1, VIRTUAL_LIGHT)
+    node["normal"], node["flux"], node["radius"], node["thickness"] = (0, 0, 0.6), 1.0, 1e-3, 1e-3
+    away = np.array([np.sqrt(0.96), 0, -0.2])
+    receivers = np.zeros(1, RECEIVER)
+    receivers["origin"], receivers["normal_shade"], receivers["normal_geo"] = 2 * away, -away, -away
+    lit = []
+    for spread in (0.1, 2.0):
+        node["spread"] = spread
+        single = Tree(node, np.zeros((2, 4), np.float32), 0)
+        lit.append(_run(runner, single, receivers, (0, 0), "error", 0.0)[0][0, 0])
+    assert lit[0] == 0
+    assert lit[1] == pytest.approx(emission(-0.2, 0.6).item() / (4 * np.pi), rel=1e-3)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -10,7 +11,7 @@ from numpy.typing import NDArray
 
 from tests.passes.reference.light_cuts import disc
 from tests.passes.reference.run import Runner, assert_not_within, assert_within, read
-from tests.passes.reference.structs import MISS, RECEIVER, RSM_MAP, VIRTUAL_LIGHT, record
+from tests.passes.reference.structs import MISS, RECEIVER, RSM_MAP, VIRTUAL_LIGHT, VPL_GATHER, record
 
 Array = NDArray[np.float64]
 FORMS = ("point", "disc", "quad")
@@ -49,30 +50,41 @@ def _run(
     form: str,
     reach: float = FAR,
     maps: NDArray[Any] | None = None,
+    ends: tuple[int, ...] = (),
 ) -> Array:
-    params = np.array([len(lights), 0, 0, 0], np.uint32)
-    params[1:2] = np.array([reach], np.float32).view(np.uint32)
-    out = runner(
-        "passes/indirect/vpl_gather",
-        len(receivers),
-        constants={"FORM": FORMS.index(form)},
-        params=params,
-        receivers=receivers,
-        maps=np.zeros(1, RSM_MAP) if maps is None else maps,
-        virtual_lights=lights,
-        irradiance=np.full((len(receivers), 4), np.nan, np.float32),
-    )
-    return read(out, "irradiance", np.float32, len(receivers), 4).astype(np.float64)
+    """`ends`: where parts of the list end before its own end."""
+    irradiance, count = np.full((len(receivers), 4), np.nan, np.float32), len(ends) + 1
+    parts = np.zeros(count * len(receivers), np.float32)
+    for part, (first, end) in enumerate(pairwise((0, *ends, len(lights)))):
+        out = runner(
+            "passes/indirect/vpl_gather",
+            len(receivers),
+            constants={"FORM": FORMS.index(form)},
+            params=record(VPL_GATHER, first=first, end=end, reach=reach, part=part, parts=count),
+            receivers=receivers,
+            maps=np.zeros(1, RSM_MAP) if maps is None else maps,
+            virtual_lights=lights,
+            irradiance=irradiance,
+            parts=parts,
+        )
+        irradiance = read(out, "irradiance", np.float32, len(receivers), 4)
+        parts = read(out, "parts", np.float32)
+    if ends:
+        total = parts.reshape(-1, count).sum(axis=1)
+        assert_within(total, irradiance[receivers["pixel"], 3], 1e-5 * total + 1e-9, "parts")
+    return irradiance.astype(np.float64)
 
 
 @pytest.mark.parametrize("form", ["point", "disc"])
-@pytest.mark.parametrize("reach", [FAR, 1.0])
-def test_sums_up_points_and_discs(runner: Runner, rng: np.random.Generator, form: str, reach: float) -> None:
+@pytest.mark.parametrize(("reach", "ends"), [(FAR, ()), (1.0, ()), (FAR, (40, 90))])
+def test_sums_up_points_and_discs(
+    runner: Runner, rng: np.random.Generator, form: str, reach: float, ends: tuple[int, ...]
+) -> None:
     receivers, lights = _receivers(rng, 200), _lights(rng, 150)
     apart = np.linalg.norm(lights["position"][None] - receivers["origin"][:, None], axis=2)
     each = np.array([[disc(r, light, form == "disc") for light in lights] for r in receivers])
     expected = (each * (apart < reach)[..., None]).sum(axis=1)
-    out = _run(runner, receivers, lights, form, reach)[receivers["pixel"]]
+    out = _run(runner, receivers, lights, form, reach, ends=ends)[receivers["pixel"]]
     bound = 2e-5 * np.abs(each).sum(axis=1) + 1e-6
     assert_within(out[:, :3], expected, bound, form)
     assert_not_within(out[:, :3], 1.01 * expected + 1e-3, bound)

@@ -55,10 +55,10 @@ def _run(
         "rays": RAYS,
         "seed": SEED,
         "maps_size": 1,
+        "parts": 1,
         **params,
     }
     lanes = 1 if parts is None else parts.shape[1]
-    wide = {} if parts is None else {"cut_parts": parts.ravel()}
     out = runner(
         "passes/indirect/vpl_rays",
         lanes * count,
@@ -72,7 +72,7 @@ def _run(
         ranges=np.zeros((2, 4), np.float32) if ranges is None else ranges,
         rays=np.full(count * RAYS, np.nan, RAY),
         ray_weights=np.full((count * RAYS, 4), np.nan, np.float32),
-        **wide,
+        parts=np.zeros(1, np.float32) if parts is None else parts.ravel(),
     )
     rays = read(out, "rays", RAY).reshape(count, RAYS)
     weights = read(out, "ray_weights", np.float32, count, RAYS, 4)[..., :3].astype(np.float64)
@@ -131,7 +131,7 @@ def test_no_light_no_ray(runner: Runner, rng: np.random.Generator) -> None:
 
 
 def test_targets_are_texels_of_the_block(runner: Runner, rng: np.random.Generator) -> None:
-    """Of a block of 2 x 2 texels, one dark and one turned away from the receiver, rays end at two, or at the light's place."""
+    """Of a block of 2 x 2 texels, one dark and one turned away, rays end at two, or at the light's place."""
     receivers, lights = _receivers(rng, 256), _list(rng, 1)
     lights["flux"], lights["extent"], lights["block"] = 1, 2, 1 | 1 << 16
     texels = np.zeros((4, 4, 3, 4), np.float32)

@@ -16,7 +16,7 @@ FIELDS = ("position", "normal", "area", "flux", "solid_angle", "radius", "spread
 
 
 def _run(
-    runner: Runner, texels: Array, across: int, first_map: int = 0, first_light: int = 0
+    runner: Runner, texels: Array, across: int, first_map: int = 0, first_light: int = 0, wide: bool = False
 ) -> NDArray[Any]:
     maps, resolution = texels.shape[:2]
     count = (maps - first_map) * across**2
@@ -27,7 +27,8 @@ def _run(
     before["extent"] = 77
     out = runner(
         "passes/lights/vpl_grid",
-        count,
+        64 * count if wide else count,
+        entry="wide" if wide else "main",
         params=params,
         rsm_texels=texels.reshape(-1, 4).astype(np.float32),
         vpls=before,
@@ -37,13 +38,14 @@ def _run(
     return found[first_light:]
 
 
-@pytest.mark.parametrize(("resolution", "across"), [(16, 4), (16, 16), (16, 5), (32, 1), (16, 12)])
+@pytest.mark.parametrize(("resolution", "across"), [(16, 4), (16, 16), (16, 5), (32, 1), (16, 12), (128, 1)])
 @pytest.mark.parametrize("first", [0, 1])
+@pytest.mark.parametrize("wide", [False, True])
 def test_lights_are_those_of_their_blocks(
-    runner: Runner, rng: np.random.Generator, resolution: int, across: int, first: int
+    runner: Runner, rng: np.random.Generator, resolution: int, across: int, first: int, wide: bool
 ) -> None:
     texels = random_texels(rng, 3, resolution)
-    found = _run(runner, texels, across, first, 5 * first)
+    found = _run(runner, texels, across, first, 5 * first, wide)
     expected = grid_lights(texels[first:], across, first)
     assert (found["block"] == expected["block"]).all()
     assert (found["extent"] == expected["extent"]).all()

@@ -33,12 +33,12 @@ class Tree:
 def emission(x: Any, alike: Any) -> Any:
     """Mean clamped cosine of normals whose mean has the cosine `x` and the length `alike`.
 
-    The cosine's Legendre series [RH01], of its band l what heat on the sphere leaves; beyond the fourth as of the
-    sixth.
+    The cosine's Legendre series [RH01], of its bands what heat on the sphere leaves; beyond the fourth as of
+    the sixth.
     """
     series = np.array([1 / 4, 1 / 2, 5 / 16, 0, -3 / 32])
-    l = np.arange(5)
-    faint = series * np.asarray(alike)[..., None] ** (l * (l + 1) / 2)
+    band = np.arange(5)
+    faint = series * np.asarray(alike)[..., None] ** (band * (band + 1) / 2)
     polynomials = legvander(np.asarray(x), 4)
     rest = np.maximum(x, 0) - polynomials @ series
     return np.maximum((polynomials * faint).sum(-1) + np.asarray(alike) ** 21 * rest, 0)
@@ -136,7 +136,9 @@ def bounds(receiver: Any, node: Any) -> tuple[float, float]:
     least *= max(ratio(max(behind - thickness, 0), outermost) - float(node["spread"]), 0)
     if height + along <= 0:
         return 0.0, 0.0
-    most = ratio(height + along, near) * min(ratio(behind + thickness, near) + float(node["spread"]), 1)
+    across = behind + thickness
+    leaves = across / outermost if across < 0 else ratio(across, near)
+    most = ratio(height + along, near) * min(max(leaves + float(node["spread"]), 0), 1)
     most /= max(np.pi * near**2, 1e-37)
     return min(least / (np.pi * outermost**2 + float(node["area"])), most), most
 
@@ -165,12 +167,12 @@ def cut(
         at = tree.first(level) + number
         node = tree.nodes[at]
         power = float(node["flux"].astype(np.float64).mean())
+        least, most = bounds(receiver, node)
         if bound == "paper":
             d = node["position"].astype(np.float64) - receiver["origin"]
             projected = float(node["solid_angle"]) * float(tree.ranges[2 * at + 1, 3]) ** 2
             value, limit = power, threshold * (np.pi * (d @ d) + projected)
         else:
-            least, most = bounds(receiver, node)
             value, limit = power * (most - (least if bound == "error" else 0)), threshold * scale
         if level < finest and power > 0:
             if limit > 0:
@@ -178,6 +180,6 @@ def cut(
             if value > limit:
                 stack += [(level + 1, 4 * number + k) for k in range(4)]
                 continue
-        total += disc(receiver, node)
+        total += np.minimum(disc(receiver, node), most * node["flux"].astype(np.float64))
         count += 1
     return total, count, closest

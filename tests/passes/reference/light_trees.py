@@ -100,7 +100,10 @@ def _parents(nodes: Nodes, ranges: Array, single: bool) -> tuple[Nodes, Array]:
 
 
 def tree(texels: Array, tiles: int = 1, single: int = 99) -> list[tuple[Nodes, Array]]:
-    """Nodes (maps, 4^level) and ranges (maps, 4^level, 2, 4) of each level from the root on; from level `single` on they are lights, not clusters."""
+    """Nodes (maps, 4^level) and ranges (maps, 4^level, 2, 4) of each level from the root on.
+
+    From level `single` on they are lights that no cut splits, above it clusters.
+    """
     levels = [_leaves(texels, tiles)]
     while levels[0][0].shape[1] > 1:
         level = levels[0][0].shape[1].bit_length() // 2 - 1  # of what is made

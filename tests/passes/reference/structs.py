@@ -157,7 +157,7 @@ CUT = np.dtype(
         *_fields("roots", "coarsest", "finest", "maps", "bound"),
         ("threshold", "<f4"),
         ("reach", "<f4"),
-        *_fields("rays", "seed", "maps_size", "reference", "pad"),
+        *_fields("rays", "seed", "maps_size", "reference", "first_root", "part", "parts", "pad0", "pad1"),
     ]
 )
 SHADED_POINT = np.dtype(
@@ -172,7 +172,17 @@ SHADED_POINT = np.dtype(
         ("blue", "<f4"),
     ]
 )
-VPL_POINTS = np.dtype([("lights", "<u4"), ("reach", "<f4"), ("threshold", "<f4"), ("pad", "<u4")])
+VPL_POINTS = np.dtype(
+    [
+        ("lights", "<u4"),
+        ("reach", "<f4"),
+        ("threshold", "<f4"),
+        *_fields("first", "end", "pad0", "pad1", "pad2"),
+    ]
+)
+VPL_GATHER = np.dtype(
+    [*_fields("first", "end"), ("reach", "<f4"), *_fields("part", "parts", "pad0", "pad1", "pad2")]
+)
 VPL_LISTS = np.dtype(
     [
         *_fields("first", "count", "words", "lowest"),

@@ -165,6 +165,8 @@ class Lists:
     radiance: dict[int, Array]
     bounds: dict[int, tuple[Array, Array]]
     evaluations: int
+    finest: NDArray[np.int64]
+    """Level of the finest fragment of any virtual light at each pixel."""
 
 
 def change(case: Case, level: int) -> Array:
@@ -188,7 +190,8 @@ def lists(case: Case, limit: float, lowest: int = 1) -> Lists:
     """Level by level: what differs by more than the limit, or is rough, goes to the children."""
     top = case.states[case.coarsest]
     given = np.repeat(((top & LIT) != 0)[..., None], len(case.lights), axis=-1)
-    out = Lists(given, {}, {}, {}, 0)
+    finest = np.full(case.states[0].shape, case.coarsest - 1)
+    out = Lists(given, {}, {}, {}, 0, finest)
     for level in range(case.coarsest, max(lowest, 2) - 1, -1):
         shape = case.states[level - 1].shape
         rough = ((case.states[level] & ROUGH_DEPTH) != 0)[..., None]
@@ -200,6 +203,9 @@ def lists(case: Case, limit: float, lowest: int = 1) -> Lists:
 
         lit = ((case.states[level - 1] & LIT) != 0)[..., None]
         kept = spread(given & ~splits) & lit
+        side = 2 ** (level - 1)
+        here = np.repeat(np.repeat(kept.any(-1), side, axis=0), side, axis=1)
+        finest[here[: finest.shape[0], : finest.shape[1]]] = level - 1
         irradiance, radiance = case.light(case.middles(level - 1))
         out.irradiance[level - 1] = (irradiance * kept[..., None]).sum(-2)
         out.radiance[level - 1] = (radiance * kept[..., None]).sum(-2)
@@ -209,6 +215,9 @@ def lists(case: Case, limit: float, lowest: int = 1) -> Lists:
     if lowest == 1:
         rows, columns = np.nonzero(case.states[0] & LIT)
         out.evaluations += int(given[rows // 2, columns // 2].sum())
+        finest[
+            rows[given[rows // 2, columns // 2].any(-1)], columns[given[rows // 2, columns // 2].any(-1)]
+        ] = 0
     return out
 
 

@@ -39,26 +39,28 @@ def _points(runner: Runner, case: Case, *, glossy: bool = True) -> NDArray[Any]:
 def _mean(runner: Runner, case: Case, points: NDArray[Any]) -> NDArray[np.float32]:
     """The mean irradiance at the coarsest level, one number."""
     count, lights = case.states[case.coarsest].size, len(case.lights)
-    params = record(VPL_POINTS, lights=lights, reach=case.reach)
-    out = runner(
-        STEM,
-        count,
-        entry="estimate",
-        constants={"DISC": float(case.disc)},
-        params=params,
-        pyramid=pyramid_record(case.view, case.coarsest),
-        texel_state=case.state,
-        points=points,
-        virtual_lights=case.lights.view(np.float32).reshape(-1, 4),
-        estimates=np.full((count, 2), np.nan, np.float32),
-    )
+    estimates = np.full((count, 2), np.nan, np.float32)
+    for first, end in ((0, lights // 3), (lights // 3, lights)):  # in two parts
+        out = runner(
+            STEM,
+            count,
+            entry="estimate",
+            constants={"DISC": float(case.disc)},
+            params=record(VPL_POINTS, lights=lights, reach=case.reach, first=first, end=end),
+            pyramid=pyramid_record(case.view, case.coarsest),
+            texel_state=case.state,
+            points=points,
+            virtual_lights=case.lights.view(np.float32).reshape(-1, 4),
+            estimates=estimates,
+        )
+        estimates = read(out, "estimates", np.float32, -1, 2)
     averaged = runner(
         STEM,
         1,
         entry="mean",
         groups=True,
         pyramid=pyramid_record(case.view, case.coarsest),
-        estimates=read(out, "estimates", np.float32, -1, 2),
+        estimates=estimates,
         mean_irradiance=np.full(1, np.nan, np.float32),
     )
     return read(averaged, "mean_irradiance", np.float32)

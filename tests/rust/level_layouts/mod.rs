@@ -112,7 +112,7 @@ fn virtual_lights() -> Vec<(Layout, &'static str, &'static str)> {
 fn virtual_lists() -> Vec<(Layout, &'static str, &'static str)> {
     let point = host_layout!(ShadedPoint { origin, exponent, normal_shade, red, normal_geo, green, mirror, blue });
     let short = host_layout!(ShortLight { place, facing, flux });
-    let points = host_layout!(VplPointsParams { lights, reach, threshold, pad });
+    let points = host_layout!(VplPointsParams { lights, reach, threshold, first, end, pad0, pad1, pad2 });
     let lists = host_layout!(VplListsParams { first, count, words, lowest, reach, pad0, pad1, pad2 });
     vec![
         (point, "common/shaded_point", "ShadedPoint"),
@@ -135,9 +135,13 @@ fn virtual_fragments() -> Vec<(Layout, &'static str, &'static str)> {
         seed,
         maps_size,
         reference,
-        pad
+        first_root,
+        part,
+        parts,
+        pad0,
+        pad1
     });
-    let gather = host_layout!(VplGatherParams { count, reach, pad0, pad1 });
+    let gather = host_layout!(VplGatherParams { first, end, reach, part, parts, pad0, pad1, pad2 });
     let splat = host_layout!(VplSplatParams { width, height, first, reach });
     let visible = host_layout!(VplVisibleParams { rays, pad0, pad1, pad2 });
     let modulate = host_layout!(ModulateParams { eye, modulation });
