@@ -16,27 +16,42 @@ Parts = dict[str, Callable[[ml.Renderer, argparse.Namespace], Iterator[Row]]]
 
 
 def row(
-    what: str, scene: str, size: int | str, value: float, bound: float, least: bool = False, **more: Any
+    what: str,
+    scene: str,
+    size: int | str,
+    value: float,
+    bound: float | None,
+    least: bool = False,
+    **more: Any,
 ) -> Row:
-    """One row: what was found in which scene, and the largest (or, `least`, smallest) value that passes."""
+    """One row: what was found in which scene, and the largest (or, `least`, smallest) value that passes.
+
+    Without a bound it is only reported.
+    """
+    found = {"what": what, "scene": scene, "size": size, "value": value}
+    if bound is None:
+        return found | {"bound": "", "good": True} | more
     good = value >= bound if least else value <= bound
     sign = "≥" if least else "≤"
-    found = {"what": what, "scene": scene, "size": size, "value": value, "bound": f"{sign} {bound:g}"}
-    return found | {"good": bool(good)} | more
+    return found | {"bound": f"{sign} {bound:g}", "good": bool(good)} | more
+
+
+def _verdict(found: Row) -> str:
+    return ("pass" if found["good"] else "FAIL") if found["bound"] else ""
 
 
 def _markdown(rows: list[Row], facts: dict[str, Any]) -> str:
     lines = [f"{facts['adapter']}, {facts['machine']}, {facts['date']}, commit {facts['commit']}", ""]
     lines += ["| what | scene | size | found | bound | |", "|---|---|--:|--:|--:|---|"]
     for found in rows:
-        verdict = "pass" if found["good"] else "**FAIL**"
+        verdict = _verdict(found).replace("FAIL", "**FAIL**")
         value = f"{found['size']} | {found['value']:.4g} | {found['bound']}"
         lines.append(f"| {found['what']} | {found['scene']} | {value} | {verdict} |")
     return "\n".join(lines) + "\n"
 
 
 def _line(found: Row) -> str:
-    verdict = "pass" if found["good"] else "FAIL"
+    verdict = _verdict(found)
     where = f"{found['what']:<52}{found['scene']:<22}{found['size']:>10}"
     return f"{where}{found['value']:>10.4f}  {found['bound']:<8}{verdict}"
 

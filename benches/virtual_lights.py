@@ -23,8 +23,12 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[1]))  # the scenes are s
 
 import measure
 import miplight as ml
+import virtual_light_curves as curves
 from bounds import Parts, Row, main, row
+from run import RESULTS
 from tests.claim_scenes import available, scan_mesh
+from virtual_light_curves import off
+from virtual_light_plots import draw
 
 TRIM = 0.001
 PRESETS = ("splatting-2009", "radiosity-2009", "hierarchical-2009")
@@ -46,11 +50,6 @@ def place(size: int, triangles: int = 20_000) -> tuple[ml.Scene, ml.Camera]:
     return scene, camera
 
 
-def _off(name: str, **changes: Any) -> ml.Settings:
-    """A preset without direct light and without occlusion, as in the papers."""
-    return ml.Settings.preset(name).replace(direct="off", indirect_visibility="off", **changes)
-
-
 def _shot(renderer: ml.Renderer, at: tuple[ml.Scene, ml.Camera], settings: ml.Settings) -> ml.Frame:
     frame = renderer.render(*at, settings, OUTPUTS)
     assert frame.indirect_fragments is not None  # read while it is there
@@ -69,7 +68,7 @@ def _fragments(frame: ml.Frame) -> int:
 def errors(renderer: ml.Renderer, options: argparse.Namespace) -> Iterator[Row]:
     """What eye and light clusters cost: B's Sec. 4, and its Fig. 9."""
     size = 96 if options.quick else 512
-    at, settings = place(size), _off("radiosity-2009")
+    at, settings = place(size), off("radiosity-2009")
     every = _shot(renderer, at, settings.replace(refine="none"))
     frame = _shot(renderer, at, settings)
     share = _fragments(frame) / size**2
@@ -79,11 +78,11 @@ def errors(renderer: ml.Renderer, options: argparse.Namespace) -> Iterator[Row]:
         for threshold in (0.0, 0.02, 0.05, 0.1, 0.25, 1.0):
             frame = _shot(renderer, at, settings.replace(**{metric: threshold}))
             what = f"Fig. 9, {metric} {threshold:g}"
-            yield row(what, "room, scan", size, _error(frame, every), 1.0, share=_fragments(frame) / size**2)
+            yield row(what, "room, scan", size, _error(frame, every), None, share=_fragments(frame) / size**2)
     size = 48 if options.quick else 256
-    at, settings = place(size), _off("hierarchical-2009")
+    at, settings = place(size), off("hierarchical-2009")
     pairs = 65_536 * size**2
-    every = _shot(renderer, at, _off("radiosity-2009", refine="none", indirect="gather", vpls=65_536))
+    every = _shot(renderer, at, off("radiosity-2009", refine="none", indirect="gather", vpls=65_536))
     frame = _shot(renderer, at, settings)
     yield row("eye and light clusters, error", "room, scan", size, _error(frame, every), 0.06)
     fewer = pairs / frame.stats.light_evaluations
@@ -95,7 +94,7 @@ def errors(renderer: ml.Renderer, options: argparse.Namespace) -> Iterator[Row]:
             )
             what = f"Fig. 13, threshold {threshold:g}, at most {most}"
             fewer = pairs / frame.stats.light_evaluations
-            yield row(what, "room, scan", size, _error(frame, every), 1.0, fewer=fewer)
+            yield row(what, "room, scan", size, _error(frame, every), None, fewer=fewer)
 
 
 def _ms(timed: dict[str, Any], *stages: str) -> float:
@@ -109,7 +108,7 @@ REFINE = ("pyramid", "one_pass", "iterative", "fragment_list", "fragment_receive
 def transport(renderer: ml.Renderer, options: argparse.Namespace) -> Iterator[Row]:
     """Gather against splats, one pass against a list, fragments against pixels: B's Table 1."""
     size = 64 if options.quick else 1024
-    at, settings = place(size), _off("radiosity-2009", indirect="gather", vpls=256, form_factor="point")
+    at, settings = place(size), off("radiosity-2009", indirect="gather", vpls=256, form_factor="point")
     gather = measure.frames(renderer, *at, settings)
     listed = measure.frames(renderer, *at, settings.replace(refine="iterative"))
     thousand = settings.replace(vpls=1024)
@@ -137,7 +136,8 @@ def bounce(renderer: ml.Renderer, options: argparse.Namespace) -> Iterator[Row]:
         for visible in ("off", "on"):
             settings = ml.Settings.preset(name).replace(direct="off", indirect_visibility=visible)
             result = ml.testing.compare(renderer.render(*at, settings, OUTPUTS), reference)
-            bound = (0.15, 0.08, 0.05) if (name, visible) == ("hierarchical-2009", "on") else (1.0, 1.0, 1.0)
+            bounded = (name, visible) == ("hierarchical-2009", "on")
+            bound = (0.15, 0.08, 0.05) if bounded else (None, None, None)
             what = f"{name}, visibility {visible}"
             yield row(
                 f"{what}: error", "room, scan", size, result.relative_rmse, bound[0], noise=result.noise
@@ -153,7 +153,7 @@ def complexity(renderer: ml.Renderer, options: argparse.Namespace) -> Iterator[R
     for triangles in (6_000, 400_000):
         at = place(size, triangles)
         for name in PRESETS:
-            timed = measure.frames(renderer, *at, _off(name))["stages"]
+            timed = measure.frames(renderer, *at, off(name))["stages"]
             rays = ("geometry/", "rsm_", "upload", "host")
             light[name].append(sum(ms for stage, ms in timed.items() if not any(r in stage for r in rays)))
     for name, (few, many) in light.items():
@@ -165,13 +165,13 @@ def coherence(renderer: ml.Renderer, options: argparse.Namespace) -> Iterator[Ro
     size, steps = (48, 3) if options.quick else (192, 12)
     scene, camera = place(size)
     ways = {
-        "grid of 256": _off("radiosity-2009", indirect="gather", vpls=256),
-        "grid of 1,024": _off("radiosity-2009", indirect="gather", vpls=1024),
-        "clusters": _off("radiosity-2009"),
-        "cut": _off("hierarchical-2009"),
+        "grid of 256": off("radiosity-2009", indirect="gather", vpls=256),
+        "grid of 1,024": off("radiosity-2009", indirect="gather", vpls=1024),
+        "clusters": off("radiosity-2009"),
+        "cut": off("hierarchical-2009"),
     }
     ways = {name: settings.replace(refine="none") for name, settings in ways.items()}
-    ways["reference"] = _off("hierarchical-2009", refine="none", light_cut_threshold=0.002)
+    ways["reference"] = off("hierarchical-2009", refine="none", light_cut_threshold=0.002)
     films: dict[str, list[Any]] = {name: [] for name in ways}
     for step in range(steps):
         scene.lights["spot"].target = (0.2 + 0.01 * step, 0.8, -0.6)
@@ -179,7 +179,16 @@ def coherence(renderer: ml.Renderer, options: argparse.Namespace) -> Iterator[Ro
             films[name].append(np.array(renderer.render(scene, camera, settings, OUTPUTS).indirect))
     for name in list(ways)[:-1]:
         moved = ml.metrics.flicker(films[name], films["reference"])
-        yield row(f"flicker, {name}", "room, scan", size, moved, 1.0)
+        yield row(f"flicker, {name}", "room, scan", size, moved, None)
+
+
+def _side(options: argparse.Namespace, side: int) -> int:
+    return 64 if options.quick else side
+
+
+def _figures(rows: list[Row]) -> str:
+    draw(rows, RESULTS / "virtual-lights.png")
+    return "\n![The papers' figures](virtual-lights.png)\n"
 
 
 PARTS: Parts = {
@@ -188,7 +197,13 @@ PARTS: Parts = {
     "bounce": bounce,
     "complexity": complexity,
     "coherence": coherence,
+    "stages": lambda renderer, options: curves.stages(renderer, place(_side(options, 1024)), options),
+    "resolutions": lambda renderer, options: curves.resolutions(
+        renderer, place(_side(options, 512)), options
+    ),
+    "dials": lambda renderer, options: curves.dials(renderer, place(_side(options, 512)), options),
+    "path": lambda renderer, options: curves.path(renderer, place(_side(options, 512)), options),
 }
 
 if __name__ == "__main__":
-    sys.exit(main(PARTS, "virtual-lights", __doc__))
+    sys.exit(main(PARTS, "virtual-lights", __doc__, _figures))

@@ -190,7 +190,7 @@ def lists(case: Case, limit: float, lowest: int = 1) -> Lists:
     """Level by level: what differs by more than the limit, or is rough, goes to the children."""
     top = case.states[case.coarsest]
     given = np.repeat(((top & LIT) != 0)[..., None], len(case.lights), axis=-1)
-    finest = np.full(case.states[0].shape, case.coarsest - 1)
+    finest: NDArray[np.int64] = np.full(case.size[::-1], case.coarsest - 1)
     out = Lists(given, {}, {}, {}, 0, finest)
     for level in range(case.coarsest, max(lowest, 2) - 1, -1):
         shape = case.states[level - 1].shape
@@ -205,7 +205,7 @@ def lists(case: Case, limit: float, lowest: int = 1) -> Lists:
         kept = spread(given & ~splits) & lit
         side = 2 ** (level - 1)
         here = np.repeat(np.repeat(kept.any(-1), side, axis=0), side, axis=1)
-        finest[here[: finest.shape[0], : finest.shape[1]]] = level - 1
+        finest[here[: case.size[1], : case.size[0]]] = level - 1
         irradiance, radiance = case.light(case.middles(level - 1))
         out.irradiance[level - 1] = (irradiance * kept[..., None]).sum(-2)
         out.radiance[level - 1] = (radiance * kept[..., None]).sum(-2)
@@ -215,9 +215,8 @@ def lists(case: Case, limit: float, lowest: int = 1) -> Lists:
     if lowest == 1:
         rows, columns = np.nonzero(case.states[0] & LIT)
         out.evaluations += int(given[rows // 2, columns // 2].sum())
-        finest[
-            rows[given[rows // 2, columns // 2].any(-1)], columns[given[rows // 2, columns // 2].any(-1)]
-        ] = 0
+        some = given[rows // 2, columns // 2].any(-1)
+        finest[rows[some], columns[some]] = 0
     return out
 
 
