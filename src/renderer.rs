@@ -2,6 +2,7 @@
 
 mod read;
 mod read_levels;
+mod read_lights;
 
 use std::sync::{Arc, Mutex, MutexGuard};
 use std::time::Instant;
@@ -11,9 +12,11 @@ use crate::frame::{FrameInfo, Stats};
 use crate::gpu::{AdapterFacts, Buffer, Cancel, Gpu, Recorder, Resources, Times};
 use crate::passes::composite::composite::{self, Images};
 use crate::passes::composite::downsample;
+use crate::passes::gather::Direct;
 use crate::passes::gather::levels::Looked;
 use crate::passes::geometry::{gbuffer, primary_rays};
-use crate::passes::indirect::Evaluations;
+use crate::passes::indirect::{Evaluations, Indirect};
+use crate::passes::lights::virtual_light::{Rsm, VirtualLights};
 use crate::passes::scene_buffers::SceneBuffers;
 use crate::passes::visibility::Hit;
 use crate::passes::visibility::occlusion;
@@ -71,9 +74,37 @@ struct Kept {
     specular: Option<Buffer<[f32; 4]>>,
     /// What incremental refinement looked at.
     looked: Option<Looked>,
+    /// Where lights shine, and the list of virtual lights, where indirect light comes from them.
+    virtual_lights: Option<(Rsm, Option<VirtualLights>)>,
 }
 
 impl Kept {
+    fn of(
+        context: &Context<'_, '_>,
+        gbuffer: GBuffer,
+        images: Images,
+        direct: Option<Direct>,
+        indirect: Option<Indirect>,
+    ) -> Self {
+        let (levels, looked) = direct.as_ref().map_or((None, None), |d| (d.levels.clone(), d.looked.clone()));
+        let lobes = direct.as_ref().map_or((None, None), |d| (d.specular_levels.clone(), d.specular.clone()));
+        let bounced = indirect.as_ref().map_or((None, None), |i| (i.levels.clone(), i.virtual_lights.clone()));
+        Self {
+            view: context.view,
+            anchor: context.prepared.anchor,
+            gbuffer,
+            kinds: Mutex::default(),
+            images,
+            irradiance: [direct.map(|d| d.irradiance), indirect.map(|i| i.irradiance)],
+            levels,
+            specular_levels: lobes.0,
+            indirect_levels: bounced.0,
+            specular: lobes.1,
+            looked,
+            virtual_lights: bounced.1,
+        }
+    }
+
     /// Samples beyond the fragments.
     fn extra_samples(&self, gpu: &Gpu) -> Result<u64> {
         let extras = self.looked.as_ref().and_then(|looked| looked.extras.as_ref());
@@ -188,6 +219,7 @@ impl Renderer {
         self.check(snapshot, camera, settings)?;
         read::check_names(keep)?;
         read_levels::check_names(keep, settings)?;
+        read_lights::check_names(keep, settings)?;
         let mut state = self.lock();
         state.generation += 1;
         state.kept = None;
@@ -330,28 +362,7 @@ impl State {
             active: direct.as_ref().map(|d| d.active.clone()),
             evaluations: indirect.as_ref().map_or_else(Evaluations::default, |i| i.evaluations.clone()),
         };
-        let indirect_levels = indirect.as_ref().and_then(|i| i.levels.clone());
-        let levels = direct.as_ref().and_then(|d| d.levels.clone());
-        let looked = direct.as_ref().and_then(|d| d.looked.clone());
-        let specular_levels = direct.as_ref().and_then(|d| d.specular_levels.clone());
-        let specular = direct.as_ref().and_then(|d| d.specular.clone());
-        let irradiance = [direct.map(|d| d.irradiance), indirect.map(|i| i.irradiance)];
-        Ok((
-            Kept {
-                view,
-                anchor: prepared.anchor,
-                gbuffer,
-                kinds: Mutex::default(),
-                images,
-                irradiance,
-                levels,
-                specular_levels,
-                indirect_levels,
-                specular,
-                looked,
-            },
-            work,
-        ))
+        Ok((Kept::of(&context, gbuffer, images, direct, indirect), work))
     }
 }
 

@@ -30,6 +30,7 @@ from .scene import Scene
 from .settings import Settings, presets
 from .spot import SpotLight
 from .stats import Stats
+from .virtual_lights import VirtualLights
 
 if TYPE_CHECKING:
     from . import metrics, mitsuba, notebook, shapes, study, testing
@@ -53,6 +54,7 @@ __all__ = [
     "SoftwareAdapterWarning",
     "SpotLight",
     "Stats",
+    "VirtualLights",
     "adapters",
     "linear_to_srgb",
     "metrics",

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import os
 import threading
 import time
@@ -19,6 +20,7 @@ from .errors import DeviceError, SettingsError
 from .fragments import Fragments
 from .settings import Settings
 from .stats import Stats
+from .virtual_lights import VirtualLights
 
 if TYPE_CHECKING:
     from . import _core
@@ -173,6 +175,12 @@ class Frame:
         for name in names:
             self._array(name)
 
+    def _read_kept(self, names: Iterable[str]) -> None:
+        """Inner resources, as far as there is something: a scene that nothing lights has none."""
+        for name in names:
+            with contextlib.suppress(SettingsError):
+                self._array(name)
+
     def _read_all(self) -> dict[str, NDArray[Any]]:
         """Every array that can still be read."""
         for name in self.names:
@@ -197,6 +205,18 @@ class Frame:
         if self._settings.get("indirect", "off") == "off":
             return None
         return self._fragments_of("indirect_")
+
+    @property
+    def virtual_lights(self) -> VirtualLights | None:
+        """Reflective shadow maps and virtual lights; None where indirect light has another source.
+
+        Ask for them with ``keep=("rsm", "virtual_lights")`` (with `indirect` hierarchical ``keep=("rsm",)``),
+        or read them before the renderer renders again.
+        """
+        if "rsm" not in self.names:
+            return None
+        listed = self["virtual_lights"] if "virtual_lights" in self.names else None
+        return VirtualLights.of(self["rsm"], listed)
 
     @property
     def specular_fragments(self) -> Fragments | None:

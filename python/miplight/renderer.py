@@ -104,7 +104,7 @@ class Renderer:
             surface_mask fragments statistics``. The rest is read when it is first used, until this renderer
             renders again.
         keep
-            Names of inner resources to keep, for ``frame[name]``.
+            Names of inner resources to read at once, for ``frame[name]``.
 
         Returns
         -------
@@ -140,6 +140,7 @@ class Renderer:
             size = (source.width, source.height)
             frame = Frame({}, source.stats, source.settings, size, source, self._lock)
             frame._read(outputs)
+            frame._read_kept(keep)
         return frame
 
     def render_batch(

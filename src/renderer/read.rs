@@ -7,7 +7,7 @@ use glam::{DVec3, Vec3};
 use rayon::prelude::*;
 
 use super::read_levels::is_level_name;
-use super::{Kept, Renderer};
+use super::{Kept, Renderer, read_lights};
 use crate::error::{Error, Result};
 use crate::frame::{FrameInfo, Image, LEVEL_CULLED, LEVEL_NOTHING, Pixels, Reason};
 use crate::gpu::{Buffer, Gpu};
@@ -45,7 +45,8 @@ const LOBE_NAMES: [&str; 2] = ["specular_level_map", "specular_reason_map"];
 const INDIRECT_NAMES: [&str; 2] = ["indirect_level_map", "indirect_reason_map"];
 
 fn is_known(name: &str) -> bool {
-    [&NAMES[..], &LOBE_NAMES, &INDIRECT_NAMES].iter().any(|names| names.contains(&name)) || is_level_name(name)
+    [&NAMES[..], &LOBE_NAMES, &INDIRECT_NAMES, &read_lights::NAMES].iter().any(|names| names.contains(&name))
+        || is_level_name(name)
 }
 
 /// # Errors
@@ -56,7 +57,8 @@ pub(super) fn check_names(names: &[String]) -> Result<()> {
         Some(unknown) => Err(Error::Settings(format!(
             "there is no resource {unknown:?} to keep; there are: {}, and with refine=\"incremental\" bits, \
                  level_causes_L and level_image_L of each level L, with refine=\"sub-fragment\" level_causes_L, \
-                 stable_map and extra_map",
+                 stable_map and extra_map, with indirect=\"splat\", \"gather\", \"clustered\" or \"hierarchical\" rsm \
+                 and, but for the last, virtual_lights",
             NAMES.join(", ")
         ))),
     }
@@ -73,8 +75,18 @@ impl Renderer {
     pub fn names(&self, frame: &FrameInfo) -> Vec<String> {
         let lobes = LOBE_NAMES.iter().filter(|_| frame.lobes).map(|name| (*name).to_owned());
         let indirect = INDIRECT_NAMES.iter().filter(|_| frame.indirect).map(|name| (*name).to_owned());
-        let asked = frame.keep.iter().filter(|name| !NAMES.contains(&name.as_str()));
-        NAMES.iter().map(|name| (*name).to_owned()).chain(lobes).chain(indirect).chain(asked.cloned()).collect()
+        let lights: Vec<&str> = if frame.indirect { read_lights::names(&frame.settings).collect() } else { Vec::new() };
+        let asked =
+            frame.keep.iter().filter(|name| !NAMES.contains(&name.as_str()) && !lights.contains(&name.as_str()));
+        let lights = lights.iter().map(|name| (*name).to_owned());
+        NAMES
+            .iter()
+            .map(|name| (*name).to_owned())
+            .chain(lobes)
+            .chain(indirect)
+            .chain(lights)
+            .chain(asked.cloned())
+            .collect()
     }
 
     /// A resource of a frame.
@@ -129,6 +141,7 @@ impl Kept {
                 Ok(Image { width, height, pixels: Pixels::Rgb(pixels) })
             }
             _ if is_level_name(name) => self.levels(gpu, name),
+            _ if read_lights::NAMES.contains(&name) => self.lights(gpu, name),
             _ => whole(self.aov(gpu, frame, name)?),
         }
     }

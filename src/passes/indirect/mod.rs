@@ -16,6 +16,7 @@ use bytemuck::{Pod, Zeroable};
 
 use crate::error::Result;
 use crate::gpu::Buffer;
+use crate::passes::lights::virtual_light::{Rsm, VirtualLights};
 use crate::passes::visibility::{Hit, Ray};
 use crate::passes::{Context, GBuffer, TILE_PIXELS};
 use crate::plan;
@@ -88,6 +89,8 @@ pub struct Indirect {
     pub specular: Option<Buffer<[f32; 4]>>,
     /// Virtual lights evaluated.
     pub evaluations: Evaluations,
+    /// Where lights shine, and the list of virtual lights, where there are any.
+    pub virtual_lights: Option<(Rsm, Option<VirtualLights>)>,
 }
 
 /// Number of the form factor in `shaders/common/form_factor.wgsl`, and whether virtual lights are clusters.
@@ -135,7 +138,8 @@ pub fn record(context: &mut Context<'_, '_>, gbuffer: &GBuffer, glossy: bool) ->
         return virtual_lights::record(context, gbuffer);
     }
     let irradiance = final_gather(context, gbuffer)?;
-    Ok(Indirect { irradiance, levels: None, specular: None, evaluations: Evaluations::default() })
+    let evaluations = Evaluations::default();
+    Ok(Indirect { irradiance, levels: None, specular: None, evaluations, virtual_lights: None })
 }
 
 /// Indirect irradiance of every pixel by rays.

@@ -227,7 +227,11 @@ pub fn record(context: &mut Context<'_, '_>, gbuffer: &GBuffer) -> Result<Indire
         Lights::List(lights) => Evaluations { counted: None, receivers: Some(work.active), each: lights.count as u64 },
     };
     let levels = fragments.map(|fragments| [fragments.level_map, fragments.reason_map]);
-    Ok(Indirect { irradiance, levels, specular: None, evaluations })
+    let list = match work.lights {
+        Lights::List(list) => Some(list),
+        Lights::Tree(_) => None,
+    };
+    Ok(Indirect { irradiance, levels, specular: None, evaluations, virtual_lights: Some((work.rsm, list)) })
 }
 
 /// Indirect light where each virtual light has fragments of its own.
@@ -246,6 +250,7 @@ pub fn per_light(context: &mut Context<'_, '_>, gbuffer: &GBuffer, glossy: bool)
         levels: reflected.levels,
         specular: reflected.radiance,
         evaluations,
+        virtual_lights: Some((rsm, Some(list))),
     })
 }
 
