@@ -175,6 +175,12 @@ class Frame:
         for name in names:
             self._array(name)
 
+    @property
+    def _more_maps(self) -> tuple[str, ...]:
+        """Maps of the fragments of indirect light and of lobes, as far as the frame has them."""
+        maps = (prefix + name for prefix in ("indirect_", "specular_") for name in MAPS)
+        return tuple(name for name in maps if name in self.names)
+
     def _read_kept(self, names: Iterable[str]) -> None:
         """Inner resources, as far as there is something: a scene that nothing lights has none."""
         for name in names:

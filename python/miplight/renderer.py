@@ -140,7 +140,7 @@ class Renderer:
             size = (source.width, source.height)
             frame = Frame({}, source.stats, source.settings, size, source, self._lock)
             frame._read(outputs)
-            frame._read_kept(keep)
+            frame._read_kept(keep if MAPS[0] not in outputs else (*keep, *frame._more_maps))
         return frame
 
     def render_batch(

@@ -133,7 +133,7 @@ class VirtualLights:
         # by solid angle: the same surface is as bright in the middle as at the rim
         light = self.flux[number] / np.maximum(self.solid_angle[number], 1e-30)[..., None]
         brightest = np.percentile(light[light > 0], 98) if (light > 0).any() else 1.0
-        picture = linear_to_srgb(np.clip(light / brightest, 0, 1))
+        picture = linear_to_srgb(np.clip(light / (1.6 * brightest), 0, 1))
         if borders and self.lights is not None:
             picture[self.borders[number]] = 0.35 * picture[self.borders[number]] + 0.65 * np.float32(
                 [1, 0.8, 0.1]
