@@ -6,6 +6,8 @@ import argparse
 from collections.abc import Iterator
 from typing import Any
 
+import scipy.spatial
+
 import measure
 import miplight as ml
 from bounds import Row, row
@@ -89,6 +91,40 @@ def dials(renderer: ml.Renderer, place: Place, options: argparse.Namespace) -> I
             timed = measure.frames(renderer, *place, settings)
             what = f"Fig. 12, down to {most} x {most}, threshold {threshold:g}, ms"
             yield row(what, "room, scan", size, timed["wall_ms"], None, pairs=timed["light_evaluations"])
+
+
+def _radius(places: Any, lights: Any, pairs: float) -> float:
+    """Radius within which the places have so many pairs with the lights."""
+    tree, low, high = scipy.spatial.cKDTree(places), 0.0, 1e3
+    for _ in range(40):
+        middle = (low + high) / 2
+        count = tree.query_ball_point(lights, middle, return_length=True).sum()
+        low, high = (middle, high) if count < pairs else (low, middle)
+    return high
+
+
+def limited(renderer: ml.Renderer, place: Place, options: argparse.Namespace) -> Iterator[Row]:
+    """B's Fig. 8: splats of limited reach at every pixel [DS06] against all reach at fragments, with as many pairs."""
+    size = place[1].width
+    every = off("splatting-2009", refine="none")
+    full = renderer.render(*place, every, ("indirect", "position", "surface_mask"), ("rsm", "virtual_lights"))
+    fragments = off("splatting-2009", refine="one-pass", coarsest_level=3, normal_threshold=0.1)
+    assert full.virtual_lights is not None
+    lights = full.virtual_lights.lights
+    assert lights is not None
+    pairs = renderer.render(*place, fragments, ("indirect",)).stats.light_evaluations
+    seen = full.surface_mask
+    lit = lights["position"][lights["flux"].sum(axis=1) > 0]
+    radius = _radius(full.position[seen], lit, pairs)
+    for what, settings in {
+        "at fragments": fragments,
+        f"within {radius:.2g}": every.replace(vpl_radius=radius),
+    }.items():
+        found = renderer.render(*place, settings, ("indirect",)).indirect
+        error = ml.metrics.relative_rmse(found, full.indirect, mask=seen, trim=0.001)
+        ms = measure.frames(renderer, *place, settings)["wall_ms"]
+        yield row(f"Fig. 8, splats {what}, error", "room, scan", size, error, None, pairs=pairs)
+        yield row(f"Fig. 8, splats {what}, ms", "room, scan", size, ms, None)
 
 
 def path(renderer: ml.Renderer, place: Place, options: argparse.Namespace) -> Iterator[Row]:

@@ -110,7 +110,8 @@ def transport(renderer: ml.Renderer, options: argparse.Namespace) -> Iterator[Ro
     size = 64 if options.quick else 1024
     at, settings = place(size), off("radiosity-2009", indirect="gather", vpls=256, form_factor="point")
     gather = measure.frames(renderer, *at, settings)
-    listed = measure.frames(renderer, *at, settings.replace(refine="iterative"))
+    ways = {way: settings.replace(refine=way) for way in ("one-pass", "iterative")}
+    refining = measure.least(renderer, *at, ways, REFINE)
     thousand = settings.replace(vpls=1024)
     fragments, pixels = (
         measure.frames(renderer, *at, thousand.replace(refine=refine)) for refine in ("one-pass", "none")
@@ -118,7 +119,7 @@ def transport(renderer: ml.Renderer, options: argparse.Namespace) -> Iterator[Ro
     splat = measure.frames(renderer, *at, settings.replace(indirect="splat"))
     times = _ms(splat, "vpl_splat") / _ms(gather, "vpl_gather")
     yield row("gather, times faster than splats, 256 lights", "room, scan", size, times, 5, True)
-    over = _ms(gather, *REFINE) / _ms(listed, *REFINE)
+    over = refining["one-pass"] / refining["iterative"]
     yield row("one-pass refinement over the list", "room, scan", size, over, 1.0)
     stages = _ms(fragments, *REFINE, "vpl_gather", "edge_aware")
     times = _ms(pixels, "receivers", "vpl_gather") / stages
@@ -202,6 +203,7 @@ PARTS: Parts = {
         renderer, place(_side(options, 512)), options
     ),
     "dials": lambda renderer, options: curves.dials(renderer, place(_side(options, 512)), options),
+    "limited": lambda renderer, options: curves.limited(renderer, place(_side(options, 512)), options),
     "path": lambda renderer, options: curves.path(renderer, place(_side(options, 512)), options),
 }
 

@@ -279,7 +279,8 @@ pub(super) const GENERAL: &[Spec] = &[
             "shadow_map_resolution",
             [8, 1024],
             64,
-            "Width of the map of each light sample; `visibility` shadow-map only.",
+            "Width of the map of each light sample; a spot's one map is as wide as those of all samples side by side; `visibility` \
+             shadow-map only.",
             "[NPW10 Sec. 4]",
         )
     },

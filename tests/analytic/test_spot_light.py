@@ -79,3 +79,33 @@ def test_two_spots_add_up(renderer: ml.Renderer) -> None:
     ]
     assert relative(images[2], images[0] + images[1]).max() < 1e-6
     assert relative(images[2], images[0]).max() > 0.1
+
+
+def test_a_shadow_map_comes_near_rays(renderer: ml.Renderer) -> None:
+    """A box over a floor: where map and rays differ is a seam as wide as a texel; a bare floor has none."""
+    camera = ml.Camera.look_at((0, 3.5, 5), (0, 0.4, 0), fov_y=50, width=160, height=120)
+    floor = ml.shapes.box((8, 0.1, 8), (0, -0.05, 0))
+    spot = ml.SpotLight((1.5, 4, 1), (0, 0, 0), (20, 20, 20), cutoff=40)
+    settings = ml.Settings.preset("brute-force")
+    differs = []
+    for resolution in (8, 16, 64):
+        for things in (0, 1):
+            scene = ml.Scene()
+            scene.add_mesh(floor, name="floor", shading="flat")
+            if things:
+                scene.add_mesh(ml.shapes.box((0.9, 1.0, 0.9), (0, 0.9, 0)), name="box", shading="flat")
+            scene.add_light(spot)
+            exact, mapped = (
+                renderer.render(
+                    scene, camera, settings.replace(visibility=how, shadow_map_resolution=resolution)
+                )
+                for how in ("ray", "shadow-map")
+            )
+            apart = (exact.image.sum(-1) > 0) != (mapped.image.sum(-1) > 0)
+            if things:
+                differs.append(apart.mean())
+            else:
+                assert not apart.any(), "a bare floor does not shadow itself, and the whole cone is in the map"
+    print(differs)
+    assert differs[0] > differs[1] > differs[2]
+    assert differs[2] < 0.002

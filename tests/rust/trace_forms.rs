@@ -374,6 +374,6 @@ fn twins_have_the_same_layout() {
     twin(&voxels, "common/voxels", "Voxels");
     let voxelize = host_layout!(VoxelizeParams { first, triangles, instances, blocks });
     twin(&voxelize, "passes/visibility/voxelize", "VoxelizeParams");
-    let map = host_layout!(MapParams { normal, resolution, sides, first, samples, offset });
+    let map = host_layout!(MapParams { normal, resolution, sides, first, samples, offset, tan_half, pad0, pad1, pad2 });
     twin(&map, "common/shadow_map", "MapParams");
 }

@@ -29,7 +29,7 @@ fn main(
     let place = texel % (resolution * resolution);
     let map = texel / (resolution * resolution);
     let n = select(params.normal, -params.normal, map % params.sides != 0u);
-    let d = map_direction(n, vec2u(place % resolution, place / resolution), resolution);
+    let d = map_direction(params, n, vec2u(place % resolution, place / resolution));
     rays[item] = Ray(points[map / params.sides].xyz + n * params.offset, 0.0, d, FAR);
 }
 

@@ -6,14 +6,12 @@
 
 import package::common::grid::{Grid, item_index};
 import package::common::ray::Receiver;
-import package::common::shadow_map::{MapParams, map_direction, map_texel};
+import package::common::shadow_map::{MapParams, map_direction, map_texel, texel_angle};
 import package::common::shadow_query::{ShadowParams, faces};
 
 const SIZE: u32 = 64u;
 // Bias, as a share of what a texel covers at that distance: for surfaces that bend within a texel.
 const BIAS: f32 = 0.5;
-// Width of a texel as an angle times the resolution: the square root of a hemisphere.
-const TEXEL: f32 = 2.5066283;
 
 @group(0) @binding(30) var<uniform> grid: Grid;
 @group(0) @binding(0) var<uniform> map: MapParams;
@@ -29,16 +27,16 @@ fn hidden(receiver: Receiver, stratum: u32) -> bool {
     let d = receiver.origin - points[stratum].xyz;
     let back = map.sides > 1u && dot(map.normal, d) < 0.0;
     let n = select(map.normal, -map.normal, back);
-    let texel = map_texel(n, d, map.resolution);
+    let texel = map_texel(map, n, d);
     let index = (stratum * map.sides + select(0u, 1u, back)) * map.resolution + texel.y;
-    let ray = map_direction(n, texel, map.resolution);
+    let ray = map_direction(map, n, texel);
     let distance = length(d);
     let slope = dot(receiver.normal_geo, ray);
     var plane = 2.0 * distance;
     if slope < 0.0 {
         plane = clamp(dot(receiver.normal_geo, d) / slope, 0.5 * distance, 2.0 * distance);
     }
-    let bias = BIAS * TEXEL / f32(map.resolution) * distance;
+    let bias = BIAS * texel_angle(map) * distance;
     return distances[map.first + index * map.resolution + texel.x] < plane - bias;
 }
 

@@ -14,6 +14,10 @@ use crate::settings::Settings;
 const RAYS: usize = 1 << 19;
 /// How far off the light its rays start, as a share of its longer edge: clear of its own surface.
 const OFFSET: f64 = 1e-4;
+/// Half of the narrowest frustum's width at distance 1.
+const LEAST_TAN: f32 = 1e-6;
+/// Texels along an edge at most.
+const MOST_WIDTH: u32 = 4096;
 
 /// Twin of `MapParams` in `shaders/common/shadow_map.wgsl`.
 #[repr(C)]
@@ -31,6 +35,14 @@ pub struct MapParams {
     pub samples: u32,
     /// How far off the light its rays start.
     pub offset: f32,
+    /// Half of the frustum's width at distance 1; 0: a hemisphere.
+    pub tan_half: f32,
+    /// Unused.
+    pub pad0: u32,
+    /// Unused.
+    pub pad1: u32,
+    /// Unused.
+    pub pad2: u32,
 }
 
 /// The maps of one light.
@@ -49,6 +61,12 @@ pub struct ShadowMaps {
     pub lights: Vec<LightMaps>,
 }
 
+/// Width of a spot's map: it has one where an area light has one for each sample, and may be as large as those together.
+fn spot_width(settings: &Settings) -> u32 {
+    let across = f64::from(settings.int("light_samples")).sqrt().ceil() as u32;
+    (settings.int("shadow_map_resolution") * across).min(MOST_WIDTH)
+}
+
 fn texels(maps: u64, resolution: u32) -> u64 {
     maps * u64::from(resolution) * u64::from(resolution)
 }
@@ -60,8 +78,10 @@ fn texels(maps: u64, resolution: u32) -> u64 {
 pub fn check(settings: &Settings, snapshot: &Snapshot, most: u64) -> Result<()> {
     let (samples, resolution) = (settings.int("light_samples"), settings.int("shadow_map_resolution"));
     let sides: u64 = snapshot.area_lights.iter().map(|l| 1 + u64::from(l.two_sided)).sum();
-    let maps = sides * u64::from(samples) + 2 * snapshot.spot_lights.len() as u64;
-    let bytes = texels(maps, resolution) * size_of::<f32>() as u64;
+    let of_spots = snapshot.spot_lights.len() as u64;
+    let maps = sides * u64::from(samples) + of_spots;
+    let all = texels(sides * u64::from(samples), resolution) + texels(of_spots, spot_width(settings));
+    let bytes = all * size_of::<f32>() as u64;
     if bytes <= most {
         return Ok(());
     }
@@ -73,15 +93,18 @@ pub fn check(settings: &Settings, snapshot: &Snapshot, most: u64) -> Result<()> 
 
 fn maps_of(context: &Context<'_, '_>, light: &LightSamples, first: u32) -> LightMaps {
     let [u, v] = light_samples::lengths(context, light.light as usize);
-    // A spot whose cone is no wider than a hemisphere needs one.
-    let both = if light.is_area() { light.two_sided } else { light.cos_cutoff < 0.0 };
+    let (settings, cos) = (context.settings, light.cos_cutoff);
+    // Rounding may not take the frustum's width from a cone without any.
+    let tan_half = (((1.0 - cos) * (1.0 + cos)).max(0.0).sqrt() / cos).max(LEAST_TAN);
     let params = MapParams {
         normal: light.normal.to_array(),
-        resolution: context.settings.int("shadow_map_resolution"),
-        sides: 1 + u32::from(both),
+        resolution: if light.is_area() { settings.int("shadow_map_resolution") } else { spot_width(settings) },
+        sides: 1 + u32::from(light.is_area() && light.two_sided),
         first,
         samples: light.strata * light.classes,
         offset: (OFFSET * u.max(v)) as f32,
+        tan_half: if light.is_area() { 0.0 } else { tan_half },
+        ..Zeroable::zeroed()
     };
     LightMaps { points: light.points.clone(), params }
 }

@@ -136,7 +136,15 @@ VOXELS = np.dtype(
     ]
 )
 VOXELIZE = np.dtype(_fields("first", "triangles", "instances", "blocks"))
-MAP = np.dtype([("normal", "<f4", 3), *_fields("resolution", "sides", "first", "samples"), ("offset", "<f4")])
+MAP = np.dtype(
+    [
+        ("normal", "<f4", 3),
+        *_fields("resolution", "sides", "first", "samples"),
+        ("offset", "<f4"),
+        ("tan_half", "<f4"),
+        *_fields("pad0", "pad1", "pad2"),
+    ]
+)
 PROVE = np.dtype(_fields("width", "height", "pad0", "pad1"))
 LIGHT_FRAME = np.dtype(
     [

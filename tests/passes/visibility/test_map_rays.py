@@ -20,19 +20,21 @@ def _unit(rng: np.random.Generator) -> NDArray[np.float64]:
 
 
 @pytest.mark.parametrize(("sides", "resolution", "first"), [(1, 8, 0), (2, 8, 64), (2, 13, 300)])
+@pytest.mark.parametrize("tan_half", [0.0, 0.7])
 def test_rays_go_through_the_middles_of_texels(
-    runner: Runner, rng: np.random.Generator, sides: int, resolution: int, first: int
+    runner: Runner, rng: np.random.Generator, sides: int, resolution: int, first: int, tan_half: float
 ) -> None:
     normal, count = _unit(rng), 500
     points = rng.normal(size=(20, 4)).astype(np.float32)
-    params = record(MAP, normal=normal, resolution=resolution, sides=sides, first=first, offset=0.01)
+    shape = {"resolution": resolution, "sides": sides, "first": first, "tan_half": tan_half}
+    params = record(MAP, normal=normal, offset=0.01, **shape)
     out = runner("passes/visibility/map_rays", count, params=params, points=points, rays=np.zeros(count, RAY))
     rays = read(out, "rays", RAY)
     texel = first + np.arange(count)
     within, number = texel % resolution**2, texel // resolution**2
     back = number % sides == 1
     ways = [
-        direction(n, np.stack([within % resolution, within // resolution], -1), resolution)
+        direction(n, np.stack([within % resolution, within // resolution], -1), resolution, tan_half)
         for n in (normal, -normal)
     ]
     expected = np.where(back[:, None], ways[1], ways[0])
@@ -43,6 +45,21 @@ def test_rays_go_through_the_middles_of_texels(
     assert (rays["t_max"] == FAR).all()
     assert (rays["direction"] @ normal * np.where(back, -1, 1) > 0).all()
     assert_not_within(rays["direction"], np.roll(expected, 1, 0), 40 * ULP)
+
+
+def test_a_frustum_holds_its_cone(rng: np.random.Generator) -> None:
+    """The reference itself: of directions within the cone none lies outside, and no place is left out."""
+    normal, tan_half, resolution = _unit(rng), 0.7, 16
+    texels = np.stack(np.meshgrid(np.arange(resolution), np.arange(resolution)), -1).reshape(-1, 2)
+    ways = direction(normal, texels, resolution, tan_half)
+    assert_within(place(normal, ways, resolution, tan_half), texels + 0.5, 1e-5)
+    d = rng.normal(size=(20000, 3))
+    d /= np.linalg.norm(d, axis=1, keepdims=True)
+    found = place(normal, d[d @ normal > 1 / np.sqrt(1 + tan_half**2)], resolution, tan_half)
+    assert found.min() >= 0
+    assert found.max() <= resolution
+    assert found.min() < 0.2
+    assert found.max() > resolution - 0.2
 
 
 @pytest.mark.parametrize("resolution", [8, 13])

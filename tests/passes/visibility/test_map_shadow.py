@@ -29,6 +29,7 @@ class Case:
     distances: NDArray[np.float32]
     resolution: int = 9
     two_sided: bool = False
+    tan_half: float = 0.0
     sets: int = 1
     """Interleaved sets of samples, each a pattern after the other; all of them have maps."""
 
@@ -50,7 +51,7 @@ def _case(rng: np.random.Generator, strata: int, two_sided: bool, count: int = 1
     distances[rng.uniform(size=len(distances)) < 0.2] = 1e30
     n = rng.normal(size=3)
     normal = (n / np.linalg.norm(n)).astype(np.float32).astype(np.float64)
-    return Case(receivers, points, strata, normal, distances, resolution, two_sided, sets)
+    return Case(receivers, points, strata, normal, distances, resolution, two_sided, sets=sets)
 
 
 def _run(runner: Runner, case: Case, asked: Bits | None = None) -> Bits:
@@ -74,6 +75,7 @@ def _run(runner: Runner, case: Case, asked: Bits | None = None) -> Bits:
         sides=sides,
         first=FIRST,
         samples=case.sets * case.strata,
+        tan_half=case.tan_half,
     )
     before = np.full(count * words, MISS, np.uint32)
     if asked is not None:
@@ -116,16 +118,17 @@ def _reference(case: Case) -> tuple[Bits, Bits, Bits]:
         side = (d @ case.normal < 0) & case.two_sided
         for back in range(1 + case.two_sided):
             n = case.normal * (1 - 2 * back)
-            at = place(n, d, case.resolution)
+            at = place(n, d, case.resolution, case.tan_half)
             texel = np.clip(np.floor(at), 0, case.resolution - 1).astype(int)
-            ray = direction(n, texel, case.resolution)
+            ray = direction(n, texel, case.resolution, case.tan_half)
             distance, slope = np.linalg.norm(d, axis=1), (r["normal_geo"] * ray).sum(1)
             with np.errstate(divide="ignore"):
                 plane = np.clip((r["normal_geo"] * d).sum(1) / slope, 0.5 * distance, 2 * distance)
             plane = np.where(slope < 0, plane, 2 * distance)
             first = FIRST + (sample * (1 + case.two_sided) + back) * case.resolution**2
             stored = case.distances[first + texel[:, 1] * case.resolution + texel[:, 0]]
-            limit = plane - BIAS * TEXEL / case.resolution * distance
+            width = 2 * case.tan_half or TEXEL
+            limit = plane - BIAS * width / case.resolution * distance
             unsure = (np.abs(at - np.round(at)).min(1) < 1e-4) | (np.abs(stored - limit) < 1e-4)
             unsure |= (np.abs(slope) < 1e-5) | (np.abs(d @ case.normal) < 1e-5)
             here = asks & (side == bool(back))
@@ -135,11 +138,14 @@ def _reference(case: Case) -> tuple[Bits, Bits, Bits]:
 
 
 @pytest.mark.parametrize("two_sided", [False, True])
-@pytest.mark.parametrize(("strata", "sets"), [(1, 1), (40, 1), (16, 4)])
+@pytest.mark.parametrize(
+    ("strata", "sets", "tan_half"), [(1, 1, 0.0), (40, 1, 0.0), (16, 4, 0.0), (3, 1, 1.5)]
+)
 def test_bits_agree_with_the_reference(
-    runner: Runner, rng: np.random.Generator, strata: int, sets: int, two_sided: bool
+    runner: Runner, rng: np.random.Generator, strata: int, sets: int, tan_half: float, two_sided: bool
 ) -> None:
     case = _case(rng, strata, two_sided, sets=sets)
+    case.tan_half = tan_half
     hidden, facing, doubtful = _reference(case)
     found = _run(runner, case)
     assert (found == (facing & ~hidden))[~doubtful].all()
