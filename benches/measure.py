@@ -97,7 +97,7 @@ def least(
     stages: tuple[str, ...],
     repeats: int = 15,
 ) -> dict[str, float]:
-    """Least time of some stages (without their group) together, of ways that take turns: of times that are near each other."""
+    """Least time of some stages together, named without their group, of ways that take turns."""
     found = {name: float("inf") for name in ways}
     for step in range(WARM_UP + repeats):
         for name, settings in ways.items():
