@@ -103,8 +103,8 @@ def _radius(places: Any, lights: Any, pairs: float) -> float:
     return high
 
 
-def limited(renderer: ml.Renderer, place: Place, options: argparse.Namespace) -> Iterator[Row]:
-    """B's Fig. 8: splats of limited reach at every pixel [DS06] against all reach at fragments, with as many pairs."""
+def limited(renderer: ml.Renderer, place: Place) -> Iterator[Row]:
+    """B's Fig. 8: splats of limited reach at every pixel [DS06], and at fragments, with as many pairs."""
     size = place[1].width
     every = off("splatting-2009", refine="none")
     full = renderer.render(*place, every, ("indirect", "position", "surface_mask"), ("rsm", "virtual_lights"))
@@ -116,10 +116,8 @@ def limited(renderer: ml.Renderer, place: Place, options: argparse.Namespace) ->
     seen = full.surface_mask
     lit = lights["position"][lights["flux"].sum(axis=1) > 0]
     radius = _radius(full.position[seen], lit, pairs)
-    for what, settings in {
-        "at fragments": fragments,
-        f"within {radius:.2g}": every.replace(vpl_radius=radius),
-    }.items():
+    ways = {"at fragments": fragments, f"within {radius:.2g}": every.replace(vpl_radius=radius)}
+    for what, settings in ways.items():
         found = renderer.render(*place, settings, ("indirect",)).indirect
         error = ml.metrics.relative_rmse(found, full.indirect, mask=seen, trim=0.001)
         ms = measure.frames(renderer, *place, settings)["wall_ms"]

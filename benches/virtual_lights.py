@@ -203,7 +203,7 @@ PARTS: Parts = {
         renderer, place(_side(options, 512)), options
     ),
     "dials": lambda renderer, options: curves.dials(renderer, place(_side(options, 512)), options),
-    "limited": lambda renderer, options: curves.limited(renderer, place(_side(options, 512)), options),
+    "limited": lambda renderer, options: curves.limited(renderer, place(_side(options, 512))),
     "path": lambda renderer, options: curves.path(renderer, place(_side(options, 512)), options),
 }
 

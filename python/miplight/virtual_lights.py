@@ -59,8 +59,8 @@ class VirtualLights:
     (N,) structured array of the virtual lights that light every fragment; None with `indirect` hierarchical,
     where each fragment has a cut of its own. Fields: position (scene units), normal (mean by flux, shorter
     than 1 where surfaces differ), flux (W), area (square scene units), solid_angle (sr), radius of a ball
-    that holds the surfaces, spread and thickness about the mean normal and plane; column, row and texels of the
-    square of texels that it stands for (texels 0: no square), and map.
+    that holds the surfaces, spread and thickness about the mean normal and plane; column, row and texels of
+    the square of texels that it stands for (texels 0: no square), and map.
     """
 
     @classmethod
@@ -135,9 +135,8 @@ class VirtualLights:
         brightest = np.percentile(light[light > 0], 98) if (light > 0).any() else 1.0
         picture = linear_to_srgb(np.clip(light / (1.6 * brightest), 0, 1))
         if borders and self.lights is not None:
-            picture[self.borders[number]] = 0.35 * picture[self.borders[number]] + 0.65 * np.float32(
-                [1, 0.8, 0.1]
-            )
+            yellow = np.array([1.0, 0.8, 0.1], np.float32)
+            picture[self.borders[number]] = 0.35 * picture[self.borders[number]] + 0.65 * yellow
         axes.imshow(picture, interpolation="nearest")
         axes.set_axis_off()
         return axes

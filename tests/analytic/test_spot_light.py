@@ -105,7 +105,7 @@ def test_a_shadow_map_comes_near_rays(renderer: ml.Renderer) -> None:
             if things:
                 differs.append(apart.mean())
             else:
-                assert not apart.any(), "a bare floor does not shadow itself, and the whole cone is in the map"
+                assert not apart.any(), "a bare floor has no shadow, and the whole cone is in the map"
     print(differs)
     assert differs[0] > differs[1] > differs[2]
     assert differs[2] < 0.002
