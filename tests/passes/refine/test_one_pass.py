@@ -28,7 +28,7 @@ from tests.passes.reference.refining import (
     texel_states,
 )
 from tests.passes.reference.run import Runner, read
-from tests.passes.reference.structs import ONE_PASS, SURFACE, record
+from tests.passes.reference.structs import NOTHING, ONE_PASS, SURFACE, record
 from tests.passes.refine.test_pyramid import run as run_pyramid
 
 STEM = "passes/refine/one_pass"
@@ -304,6 +304,10 @@ def test_it_needs_no_marks_where_all_is_lit(
 ) -> None:
     view = random_view(rng, 41, 30)
     g = wavy_gbuffer(rng, view, holes=0.02, step=0.5)
+    rows, columns = np.divmod(np.arange(41 * 30), 41)
+    g.kind[(rows < 17) & (columns >= 16) & (columns < 32)] = (
+        NOTHING  # a texel of the coarsest level sees nothing
+    )
     limits = {"metrics": (3, 2), "depth_threshold": 0.1, "normal_threshold": 0.2}
     marked, plain = (
         refine(runner, view, g, None, coarsest, finest, at_once=at_once, **limits)
