@@ -8,6 +8,7 @@ pub mod geometry;
 pub mod indirect;
 pub mod lights;
 pub mod lobes;
+pub mod lpv;
 pub mod refine;
 pub mod scene_buffers;
 pub mod specular;

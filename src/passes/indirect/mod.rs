@@ -96,16 +96,23 @@ pub fn form(settings: &Settings) -> f64 {
 }
 
 /// The lists of a wave.
-struct Lists {
-    rays: Buffer<Ray>,
-    hits: Buffer<Hit>,
-    paths: Buffer<GatherPath>,
-    shadow_rays: Buffer<Ray>,
-    occluded: Buffer<u32>,
+pub(super) struct Lists {
+    /// Of gather rays.
+    pub(super) rays: Buffer<Ray>,
+    /// What they meet.
+    pub(super) hits: Buffer<Hit>,
+    /// What they carry.
+    pub(super) paths: Buffer<GatherPath>,
+    /// From the hits to points on lights.
+    pub(super) shadow_rays: Buffer<Ray>,
+    /// Which of these meet something.
+    pub(super) occluded: Buffer<u32>,
 }
 
 impl Lists {
-    fn new(context: &mut Context<'_, '_>, len: usize) -> Result<Self> {
+    /// # Errors
+    /// Those of the device.
+    pub(super) fn new(context: &mut Context<'_, '_>, len: usize) -> Result<Self> {
         Ok(Self {
             rays: context.resources.buffer("gather_rays", len)?,
             hits: context.resources.buffer("gather_hits", len)?,
