@@ -47,6 +47,8 @@ NO_PASS = {
     "voxel_depths",
     "virtual_light",
     "virtual_lights",
+    "volumes",
+    "points",
 }
 # Two shaders of one pass: closest and any hits, and shadow rays that are made where they are traced.
 RUST_OF = {"visibility/shadow": "visibility/trace"}

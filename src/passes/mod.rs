@@ -117,6 +117,8 @@ pub struct Context<'f, 'a> {
     pub settings: &'f Settings,
     /// The internal camera.
     pub view: View,
+    /// What light propagation volumes keep between frames.
+    pub volumes: &'f mut lpv::points::Kept,
     /// Rays traced so far.
     pub rays: u64,
 }

@@ -1,4 +1,4 @@
-//! Indirect light: from virtual lights, or by a final gather, stratified hemisphere rays from every pixel, whose hits are
+//! Indirect light: from virtual lights, from a propagation volume, or by a final gather, stratified hemisphere rays from every pixel, whose hits are
 //! lit by the lights and may go on as paths, worked on in waves of whole tiles and ranges of strata.
 
 pub mod gather_hits;
@@ -6,6 +6,7 @@ pub mod gather_rays;
 pub mod gather_sum;
 pub mod light_cut;
 pub mod virtual_lights;
+pub mod volumes;
 pub mod vpl_gather;
 pub mod vpl_rays;
 pub mod vpl_splat;
@@ -133,6 +134,9 @@ pub fn record(context: &mut Context<'_, '_>, gbuffer: &GBuffer, glossy: bool) ->
     }
     if plan::indirect_from_virtual_lights(context.settings) {
         return virtual_lights::record(context, gbuffer);
+    }
+    if plan::has_volume(context.settings) {
+        return volumes::record(context, gbuffer);
     }
     let irradiance = final_gather(context, gbuffer)?;
     Ok(Indirect { irradiance, levels: None, specular: None, evaluations: Evaluations::default() })

@@ -13,8 +13,12 @@ const RAYS: usize = 1 << 20;
 /// # Errors
 /// Those of the device; `Cancelled`.
 pub(super) fn record(context: &mut Context<'_, '_>, volume: &Volume, open: &Buffer<u32>) -> Result<()> {
-    let (cells, rays_of_all) = (volume.cells as usize, 3 * volume.cells as usize);
+    let rays_of_all = 3 * volume.cells as usize;
     let occluded = context.resources.buffer("lpv_occluded", rays_of_all.div_ceil(32))?;
+    if context.settings.is("indirect_visibility", "off") {
+        context.recorder.clear(&occluded)?;
+        return faces(context, volume, &occluded, open);
+    }
     let rays = context.resources.buffer("lpv_face_rays", rays_of_all)?;
     let between = context.kernel("lpv/blockers", "rays_between")?;
     let pass = context.recorder.pass("blockers", &between).uniform("volume", volume);
@@ -24,7 +28,12 @@ pub(super) fn record(context: &mut Context<'_, '_>, volume: &Volume, open: &Buff
         let range = first..rays_of_all.min(first + RAYS);
         context.rays += tracer.any(context.recorder, "blockers_trace", &rays, &occluded, range)?;
     }
+    faces(context, volume, &occluded, open)
+}
+
+/// Masks from the answers.
+fn faces(context: &mut Context<'_, '_>, volume: &Volume, occluded: &Buffer<u32>, open: &Buffer<u32>) -> Result<()> {
     let faces = context.kernel("lpv/blockers", "faces")?;
     let pass = context.recorder.pass("blockers", &faces).uniform("volume", volume);
-    pass.bind("occluded", &occluded).bind("open", open).dispatch(cells)
+    pass.bind("occluded", occluded).bind("open", open).dispatch(volume.cells as usize)
 }

@@ -13,12 +13,13 @@ use std::sync::Arc;
 use bytemuck::{Pod, Zeroable};
 use glam::{DVec3, Vec3};
 
-use self::points::{Asked, Kept, Placed};
+use self::points::{Asked, Placed};
 use crate::error::{Error, Result};
 use crate::gpu::{Buffer, Gpu};
 use crate::passes::indirect::{GatherWave, Lists, gather_hits, gather_sum};
 use crate::passes::visibility::Receiver;
 use crate::passes::{Context, TILE_PIXELS};
+use crate::plan;
 use crate::scene::prepare::Prepared;
 use crate::settings::Settings;
 
@@ -74,7 +75,7 @@ pub fn check(settings: &Settings, gpu: &Gpu) -> Result<()> {
     let resolution = settings.int("lpv_resolution");
     let bytes = 3 * 16 * u64::from(resolution).pow(3);
     let most = gpu.limits().max_storage_buffer_binding_size;
-    if settings.is("indirect", "lpv") && bytes > most {
+    if plan::has_volume(settings) && bytes > most {
         return Err(Error::Settings(format!(
             "lpv_resolution={resolution} needs up to {bytes} bytes in one binding; this adapter allows {most} \
              (max_storage_buffer_binding_size)"
@@ -108,20 +109,20 @@ impl Propagated {
 ///
 /// # Errors
 /// Those of the device; `Cancelled`.
-pub fn record(context: &mut Context<'_, '_>, kept: &mut Kept, version: u64) -> Result<Propagated> {
-    let settings = context.settings;
-    let asked = Asked {
-        version,
-        samples: settings.int("lpv_samples"),
-        resolution: settings.int("lpv_resolution"),
-        seed: settings.int("seed"),
+pub fn record(context: &mut Context<'_, '_>) -> Result<Propagated> {
+    let asked = Asked::of(context.settings);
+    let (prepared, kept) = (context.prepared, &mut *context.volumes);
+    let placed = match kept.placed(asked) {
+        Some(placed) => placed,
+        None => {
+            let placed = context.recorder.host("surface_samples", |gpu, _| kept.place(gpu, prepared, asked))?;
+            blockers::record(context, &placed.volume, &placed.open)?;
+            // Submitted, they are kept even if this frame ends early.
+            context.recorder.flush()?;
+            context.volumes.keep(asked, Arc::clone(&placed));
+            placed
+        }
     };
-    let prepared = context.prepared;
-    let (placed, new) = context.recorder.host("surface_samples", |gpu, _| kept.place(gpu, prepared, asked))?;
-    if new {
-        blockers::record(context, &placed.volume, &placed.open)?;
-        kept.keep(asked, Arc::clone(&placed));
-    }
     let radiosity = gather(context, &placed)?;
     let coefficients = 3 * placed.volume.cells as usize;
     let flows =

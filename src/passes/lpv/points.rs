@@ -12,6 +12,7 @@ use crate::error::Result;
 use crate::gpu::{Buffer, Gpu};
 use crate::scene::prepare::{self, Prepared};
 use crate::scene::surface_samples::{self, SurfaceSample};
+use crate::settings::Settings;
 
 /// Twin of `CLEAR` in `shaders/common/lpv_volume.wgsl`.
 pub const CLEAR: f32 = 1.1;
@@ -67,14 +68,26 @@ pub struct Placed {
 /// What samples depend on.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Asked {
-    /// Of the placed scene.
-    pub version: u64,
     /// How many samples.
     pub samples: u32,
     /// Cells along the longest edge.
     pub resolution: u32,
     /// The user's seed.
     pub seed: u32,
+    /// Whether surfaces block light.
+    pub blocked: bool,
+}
+
+impl Asked {
+    /// As the settings say.
+    pub fn of(settings: &Settings) -> Self {
+        Self {
+            samples: settings.int("lpv_samples"),
+            resolution: settings.int("lpv_resolution"),
+            seed: settings.int("seed"),
+            blocked: settings.is("indirect_visibility", "on"),
+        }
+    }
 }
 
 /// Mesh, shape after its transform, number of samples, seed.
@@ -85,17 +98,28 @@ type Key = (u64, [i64; 6], usize, u32);
 pub struct Kept {
     samples: BTreeMap<Key, Arc<Vec<SurfaceSample>>>,
     placed: Option<(Asked, Arc<Placed>)>,
+    version: u64,
 }
 
 impl Kept {
-    /// Points for what is asked, and whether they are new: then the masks of open faces are not there yet.
+    /// Forgets what lies elsewhere when the placed scene has another version.
+    pub fn follow(&mut self, version: u64) {
+        if version != self.version {
+            self.placed = None;
+            self.version = version;
+        }
+    }
+
+    /// Points for what is asked, where they are kept.
+    pub fn placed(&self, asked: Asked) -> Option<Arc<Placed>> {
+        self.placed.as_ref().filter(|(known, _)| *known == asked).map(|(_, placed)| Arc::clone(placed))
+    }
+
+    /// Points for what is asked; the masks of open faces are not there yet.
     ///
     /// # Errors
     /// Those of the device.
-    pub fn place(&mut self, gpu: &Gpu, prepared: &Prepared, asked: Asked) -> Result<(Arc<Placed>, bool)> {
-        if let Some((_, placed)) = self.placed.as_ref().filter(|(known, _)| *known == asked) {
-            return Ok((Arc::clone(placed), false));
-        }
+    pub fn place(&mut self, gpu: &Gpu, prepared: &Prepared, asked: Asked) -> Result<Arc<Placed>> {
         self.placed = None;
         let volume = Volume::of(prepared, asked.resolution);
         let sides = self.sides(prepared, &volume, asked);
@@ -109,7 +133,7 @@ impl Kept {
             occupied: cells.len(),
             open: gpu.buffer("lpv_open", volume.cells as usize, crate::gpu::Usage::Storage)?,
         });
-        Ok((placed, true))
+        Ok(placed)
     }
 
     /// Keeps what [`Kept::place`] made, complete now.
