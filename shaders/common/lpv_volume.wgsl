@@ -15,6 +15,8 @@ const LOBE: f32 = 1.15470054;
 // How far in front of a surface, in half cells as wide as they are along its normal, its light is left and looked up: the
 // middle of the cell there lies clear of the surface however the grid does.
 const CLEAR: f32 = 1.1;
+// Where the way between two middles meets a surface that is not there.
+const NOWHERE: f32 = 2.0;
 
 fn cell_number(volume: Volume, at: vec3u) -> u32 {
     return (at.z * volume.size.y + at.y) * volume.size.x + at.x;

@@ -3,6 +3,7 @@
 
 use std::cmp::Ordering;
 use std::collections::{BinaryHeap, HashMap};
+use std::hash::{BuildHasherDefault, Hasher};
 
 use glam::{DMat3, DVec3, Vec3};
 use rayon::prelude::*;
@@ -66,6 +67,9 @@ pub fn area(positions: &[Vec3], triangles: &[[u32; 3]], map: DMat3) -> f64 {
     Triangles::new(positions, triangles, map).area()
 }
 
+/// Number of a candidate, and how far away it is.
+type Near = (u32, f32);
+
 struct Candidate {
     sample: SurfaceSample,
     position: DVec3,
@@ -104,32 +108,51 @@ fn candidates(mesh: &Triangles<'_>, count: usize, seed: u64) -> Vec<Candidate> {
         .collect()
 }
 
+/// Spreads the number of a cube; no one chooses them to collide.
+#[derive(Default)]
+struct Spread(u64);
+
+impl Hasher for Spread {
+    fn write(&mut self, bytes: &[u8]) {
+        bytes.iter().for_each(|byte| self.write_u64(u64::from(*byte)));
+    }
+
+    fn write_u64(&mut self, number: u64) {
+        let mixed = (self.0 ^ number).wrapping_mul(0x9e37_79b9_7f4a_7c15);
+        self.0 = mixed ^ (mixed >> 32);
+    }
+
+    fn finish(&self) -> u64 {
+        self.0
+    }
+}
+
 /// Points in cubes, so that those near a place are found.
 struct Cubes {
     width: f64,
-    held: HashMap<[i64; 3], Vec<u32>>,
+    held: HashMap<u64, Vec<u32>, BuildHasherDefault<Spread>>,
 }
 
 impl Cubes {
     fn new(points: &[Candidate], kept: impl Iterator<Item = u32>, width: f64) -> Self {
-        let mut held: HashMap<[i64; 3], Vec<u32>> = HashMap::new();
+        let mut held: HashMap<_, Vec<u32>, BuildHasherDefault<Spread>> = HashMap::default();
         for i in kept {
-            held.entry(cube(points[i as usize].position, width)).or_default().push(i);
+            held.entry(number(cube(points[i as usize].position, width))).or_default().push(i);
         }
         Self { width, held }
     }
 
     /// Points within `width` of `of` on surfaces that face the same way: the two sides of a sheet are apart.
-    fn near(&self, points: &[Candidate], of: &Candidate) -> Vec<(u32, f64)> {
+    fn near(&self, points: &[Candidate], of: &Candidate) -> Vec<Near> {
         let [x, y, z] = cube(of.position, self.width);
-        let mut found = Vec::new();
-        for number in 0..27 {
-            let place = [x + number % 3 - 1, y + number / 3 % 3 - 1, z + number / 9 - 1];
-            for &i in self.held.get(&place).map_or(&[][..], Vec::as_slice) {
+        let mut found = Vec::with_capacity(32);
+        for beside in 0..27 {
+            let place = [x + beside % 3 - 1, y + beside / 3 % 3 - 1, z + beside / 9 - 1];
+            for &i in self.held.get(&number(place)).map_or(&[][..], Vec::as_slice) {
                 let other = &points[i as usize];
-                let distance = other.position.distance(of.position);
-                if distance < self.width && other.normal.dot(of.normal) > 0.0 {
-                    found.push((i, distance));
+                let distance = other.position.distance_squared(of.position);
+                if distance < self.width * self.width && other.normal.dot(of.normal) > 0.0 {
+                    found.push((i, distance.sqrt() as f32));
                 }
             }
         }
@@ -139,6 +162,12 @@ impl Cubes {
 
 fn cube(position: DVec3, width: f64) -> [i64; 3] {
     (position / width).floor().to_array().map(|x| x as i64)
+}
+
+/// Unlike those of the cubes beside it; that it is also one far away costs a look at what is not near.
+fn number([x, y, z]: [i64; 3]) -> u64 {
+    let low = |number: i64| number as u64 & 0x1f_ffff;
+    low(x) | low(y) << 21 | low(z) << 42
 }
 
 /// How crowded a candidate is; the most crowded goes first, of equals the later one.
@@ -162,8 +191,8 @@ impl Ord for Crowded {
 /// Numbers of the `count` candidates that are left, in order.
 fn eliminate(points: &[Candidate], count: usize, reach: f64) -> Vec<u32> {
     let cubes = Cubes::new(points, 0..points.len() as u32, reach);
-    let weight = |distance: f64| (1.0 - distance / reach).max(0.0).powi(ALPHA);
-    let neighbours: Vec<Vec<(u32, f64)>> = points
+    let weight = |distance: f32| (1.0 - f64::from(distance) / reach).max(0.0).powi(ALPHA) as f32;
+    let neighbours: Vec<Vec<Near>> = points
         .par_iter()
         .enumerate()
         .map(|(i, point)| {
@@ -171,7 +200,8 @@ fn eliminate(points: &[Candidate], count: usize, reach: f64) -> Vec<u32> {
             near.into_iter().filter(|(j, _)| *j != i as u32).map(|(j, distance)| (j, weight(distance))).collect()
         })
         .collect();
-    let mut sums: Vec<f64> = neighbours.iter().map(|near| near.iter().map(|(_, weight)| weight).sum()).collect();
+    let mut sums: Vec<f64> =
+        neighbours.iter().map(|near| near.iter().map(|(_, weight)| f64::from(*weight)).sum()).collect();
     let mut gone = vec![false; points.len()];
     let mut queue: BinaryHeap<Crowded> = sums.iter().enumerate().map(|(i, sum)| Crowded(*sum, i as u32)).collect();
     let mut left = points.len();
@@ -189,7 +219,7 @@ fn eliminate(points: &[Candidate], count: usize, reach: f64) -> Vec<u32> {
         gone[i] = true;
         left -= 1;
         for &(j, weight) in &neighbours[i] {
-            sums[j as usize] -= weight;
+            sums[j as usize] -= f64::from(weight);
         }
     }
     (0..points.len() as u32).filter(|i| !gone[*i as usize]).collect()
@@ -211,8 +241,8 @@ pub fn sample(positions: &[Vec3], triangles: &[[u32; 3]], map: DMat3, count: usi
     let nearest = |point: &Candidate| {
         let near = cubes.near(&points, point).into_iter();
         // Where nothing near faces the same way, the nearest of all.
-        let all = || kept.iter().map(|&i| (i, points[i as usize].position.distance(point.position)));
-        let closer = |a: &(u32, f64), b: &(u32, f64)| a.1.total_cmp(&b.1).then(a.0.cmp(&b.0));
+        let all = || kept.iter().map(|&i| (i, points[i as usize].position.distance(point.position) as f32));
+        let closer = |a: &Near, b: &Near| a.1.total_cmp(&b.1).then(a.0.cmp(&b.0));
         near.min_by(closer).or_else(|| all().min_by(closer)).map_or(0, |(i, _)| places[&i])
     };
     let owners: Vec<usize> = points.par_iter().map(nearest).collect();

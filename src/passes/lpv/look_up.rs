@@ -2,8 +2,9 @@
 
 use bytemuck::{Pod, Zeroable};
 
+use super::Flow;
+use super::points::Placed;
 use super::propagate::PropagateParams;
-use super::{Flow, Volume};
 use crate::error::Result;
 use crate::gpu::Buffer;
 use crate::passes::Context;
@@ -32,16 +33,17 @@ pub struct LookUpParams {
 /// Those of the device; `Cancelled`.
 pub(super) fn record(
     context: &mut Context<'_, '_>,
-    volume: &Volume,
     (receivers, count): (&Buffer<Receiver>, usize),
-    (total, open): (&Flow, &Buffer<u32>),
+    (total, placed): (&Flow, &Placed),
     irradiance: &Buffer<[f32; 4]>,
 ) -> Result<()> {
+    let volume = &placed.volume;
     let area = volume.edge * volume.edge;
     let [mean, along] = PropagateParams::new(context.settings).irradiance().map(|unit| unit / area);
     let params = LookUpParams { mean, along, pad0: 0, pad1: 0 };
     let kernel = context.kernel("lpv/look_up", "main")?;
     let pass = context.recorder.pass("look_up", &kernel).uniform("volume", volume).uniform("params", &params);
-    let pass = pass.bind("receivers", receivers).bind("total", total).bind("open", open);
+    let pass =
+        pass.bind("receivers", receivers).bind("total", total).bind("open", &placed.open).bind("met", &placed.met);
     pass.bind("irradiance", irradiance).dispatch_cut(count, RECEIVER_NS)
 }

@@ -15,7 +15,7 @@ use glam::{DVec3, Vec3};
 
 use self::points::{Asked, Placed};
 use crate::error::{Error, Result};
-use crate::gpu::{Buffer, Gpu};
+use crate::gpu::{Buffer, Gpu, Usage};
 use crate::passes::indirect::{GatherWave, Lists, gather_hits, gather_sum};
 use crate::passes::visibility::Receiver;
 use crate::passes::{Context, TILE_PIXELS};
@@ -101,7 +101,7 @@ impl Propagated {
         receivers: (&Buffer<Receiver>, usize),
         irradiance: &Buffer<[f32; 4]>,
     ) -> Result<()> {
-        look_up::record(context, &self.placed.volume, receivers, (&self.total, &self.placed.open), irradiance)
+        look_up::record(context, receivers, (&self.total, &self.placed), irradiance)
     }
 }
 
@@ -111,14 +111,10 @@ impl Propagated {
 /// Those of the device; `Cancelled`.
 pub fn record(context: &mut Context<'_, '_>) -> Result<Propagated> {
     let asked = Asked::of(context.settings);
-    let (prepared, kept) = (context.prepared, &mut *context.volumes);
-    let placed = match kept.placed(asked) {
+    let placed = match context.volumes.placed(asked) {
         Some(placed) => placed,
         None => {
-            let placed = context.recorder.host("surface_samples", |gpu, _| kept.place(gpu, prepared, asked))?;
-            blockers::record(context, &placed.volume, &placed.open)?;
-            // Submitted, they are kept even if this frame ends early.
-            context.recorder.flush()?;
+            let placed = place(context, asked)?;
             context.volumes.keep(asked, Arc::clone(&placed));
             placed
         }
@@ -132,6 +128,17 @@ pub fn record(context: &mut Context<'_, '_>) -> Result<Propagated> {
     context.recorder.copy(&flows[0], &total, coefficients)?;
     propagate::record(context, &placed.volume, &flows, &placed.open, &total)?;
     Ok(Propagated { placed, total })
+}
+
+/// A new volume, and samples whose light is left in cells that they see.
+fn place(context: &mut Context<'_, '_>, asked: Asked) -> Result<Arc<Placed>> {
+    let gpu = context.recorder.gpu().clone();
+    let volume = Volume::of(context.prepared, asked.resolution);
+    let met = gpu.buffer("lpv_met", 3 * volume.cells as usize, Usage::Storage)?;
+    let open = gpu.buffer("lpv_open", volume.cells as usize, Usage::Storage)?;
+    blockers::record(context, &volume, &met, &open)?;
+    let (prepared, kept) = (context.prepared, &mut *context.volumes);
+    context.recorder.host("surface_samples", |gpu, _| kept.place(gpu, prepared, asked, (volume, met, open)))
 }
 
 /// Radiosity of every side of a sample, from points on the lights that it sees.

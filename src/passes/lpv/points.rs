@@ -16,6 +16,8 @@ use crate::settings::Settings;
 
 /// Twin of `CLEAR` in `shaders/common/lpv_volume.wgsl`.
 pub const CLEAR: f32 = 1.1;
+/// Twin of `NOWHERE` in `shaders/common/lpv_volume.wgsl`.
+pub const NOWHERE: f32 = 2.0;
 
 /// Twin of `LpvPoint` in `shaders/common/lpv_point.wgsl`.
 #[repr(C)]
@@ -61,6 +63,8 @@ pub struct Placed {
     pub cells: Buffer<LpvCell>,
     /// How many.
     pub occupied: usize,
+    /// Where the ways between the middles of cells meet surfaces, see `blockers`.
+    pub met: Buffer<f32>,
     /// A mask of open faces a cell.
     pub open: Buffer<u32>,
 }
@@ -115,14 +119,20 @@ impl Kept {
         self.placed.as_ref().filter(|(known, _)| *known == asked).map(|(_, placed)| Arc::clone(placed))
     }
 
-    /// Points for what is asked; the masks of open faces are not there yet.
+    /// Points for what is asked in a volume whose faces are known.
     ///
     /// # Errors
     /// Those of the device.
-    pub fn place(&mut self, gpu: &Gpu, prepared: &Prepared, asked: Asked) -> Result<Arc<Placed>> {
+    pub fn place(
+        &mut self,
+        gpu: &Gpu,
+        prepared: &Prepared,
+        asked: Asked,
+        (volume, met, open): (Volume, Buffer<f32>, Buffer<u32>),
+    ) -> Result<Arc<Placed>> {
         self.placed = None;
-        let volume = Volume::of(prepared, asked.resolution);
-        let sides = self.sides(prepared, &volume, asked);
+        let cells_of = Cells { volume, met: gpu.read(&met)? };
+        let sides = self.sides(prepared, &cells_of, asked);
         let points: Vec<LpvPoint> = sides.iter().map(|(_, point)| *point).collect();
         let cells = cells(&sides);
         let placed = Arc::new(Placed {
@@ -131,7 +141,8 @@ impl Kept {
             count: points.len(),
             cells: gpu.upload("lpv_cells", &cells)?,
             occupied: cells.len(),
-            open: gpu.buffer("lpv_open", volume.cells as usize, crate::gpu::Usage::Storage)?,
+            met,
+            open,
         });
         Ok(placed)
     }
@@ -142,7 +153,7 @@ impl Kept {
     }
 
     /// Both sides of each sample with the cell before it, by cell.
-    fn sides(&mut self, prepared: &Prepared, volume: &Volume, asked: Asked) -> Vec<(u32, LpvPoint)> {
+    fn sides(&mut self, prepared: &Prepared, cells: &Cells, asked: Asked) -> Vec<(u32, LpvPoint)> {
         let shapes: Vec<Shape> = prepared.placed.iter().map(Shape::of).collect();
         let whole: f64 = shapes.iter().map(|shape| shape.area).sum();
         let mut used = BTreeMap::new();
@@ -160,7 +171,7 @@ impl Kept {
             };
             let samples = self.samples.remove(&key).or_else(|| used.get(&key).cloned()).unwrap_or_else(made);
             for sample in samples.iter() {
-                sides.extend(both_sides(placed, instance as u32, sample, volume));
+                sides.extend(both_sides(placed, instance as u32, sample, cells));
             }
             used.insert(key, samples);
         }
@@ -206,32 +217,50 @@ fn cholesky([xx, yy, zz, xy, xz, yz]: [f64; 6]) -> Option<DMat3> {
 }
 
 /// A sample from both sides, each with the cell in which it leaves its light.
-fn both_sides(
-    placed: &prepare::Placed,
-    instance: u32,
-    sample: &SurfaceSample,
-    volume: &Volume,
-) -> impl Iterator<Item = (u32, LpvPoint)> + use<> {
+fn both_sides(placed: &prepare::Placed, instance: u32, sample: &SurfaceSample, cells: &Cells) -> [(u32, LpvPoint); 2] {
     let &SurfaceSample { triangle, u, v, area } = sample;
     let corner = |v: u32| placed.scene_from_object.transform_point3(placed.mesh.positions[v as usize].as_dvec3());
     let [a, b, c] = placed.mesh.triangles[triangle as usize].map(corner);
     let position = a + f64::from(u) * (b - a) + f64::from(v) * (c - a);
     let normal = (b - a).cross(c - a).normalize_or_zero();
-    let volume = *volume;
-    [normal, -normal].into_iter().map(move |normal| {
+    [normal, -normal].map(|normal| {
         let normal = normal.as_vec3();
-        let cell = volume.cell_before(position.as_vec3(), normal);
+        let cell = cells.cell_before(position.as_vec3(), normal);
         (cell, LpvPoint { normal: normal.to_array(), area: area as f32, instance, triangle, u, v })
     })
 }
 
-impl Volume {
-    /// The cell half a cell before a surface, whose middle lies clear of it.
+/// The volume as the host sees it.
+struct Cells {
+    volume: Volume,
+    met: Vec<f32>,
+}
+
+impl Cells {
+    /// The cell half a cell before a surface, whose middle lies clear of it and on the same side of what closes faces; as
+    /// `seen_from` in `shaders/passes/lpv/look_up.wgsl`.
     fn cell_before(&self, position: Vec3, normal: Vec3) -> u32 {
+        let Volume { corner, edge, size, cells } = self.volume;
         let before = 0.5 * CLEAR * normal.abs().element_sum();
-        let place = (position - Vec3::from(self.corner)) / self.edge + before * normal;
-        let at = place.max(Vec3::ZERO).as_uvec3().min(UVec3::from(self.size) - 1);
-        (at.z * self.size[1] + at.y) * self.size[0] + at.x
+        let place = (position - Vec3::from(corner)) / edge + before * normal;
+        let most = UVec3::from(size) - 1;
+        let mut own = place.max(Vec3::ZERO).as_uvec3().min(most);
+        let number = |at: UVec3| ((at.z * size[1] + at.y) * size[0] + at.x) as usize;
+        for axis in 0..3 {
+            let middle = own[axis] as f32 + 0.5;
+            let up = place[axis] > middle;
+            if own[axis] == if up { most[axis] } else { 0 } {
+                continue;
+            }
+            let mut lower = own;
+            lower[axis] -= u32::from(!up);
+            let surface = self.met[axis * cells as usize + number(lower)];
+            let at = lower[axis] as f32 + 0.5 + surface;
+            if surface != NOWHERE && if up { place[axis] > at } else { place[axis] < at } {
+                own[axis] = if up { own[axis] + 1 } else { lower[axis] };
+            }
+        }
+        number(own) as u32
     }
 }
 

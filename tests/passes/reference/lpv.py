@@ -35,10 +35,13 @@ PROPAGATE = np.dtype(
         ("pad", "<u4"),
     ]
 )
+BLOCKERS = np.dtype([("first", "<u4"), ("pad0", "<u4"), ("pad1", "<u4"), ("pad2", "<u4")])
 LOOK_UP = np.dtype([("mean", "<f4"), ("along", "<f4"), ("pad0", "<u4"), ("pad1", "<u4")])
 
 AXES = np.concatenate([np.stack([-axis, axis]) for axis in np.eye(3)])
 """Directions of the six faces, in the order of their bits."""
+NOWHERE = 2.0
+"""Where the way between two middles meets a surface that is not there."""
 CLEAR = 1.1
 """How far before a surface light is left and looked up, in half cells as wide as along the normal."""
 
@@ -224,21 +227,54 @@ def through_face() -> Array:
     return flux_of
 
 
+def masks(volume: Volume, met: Array) -> NDArray[np.uint32]:
+    """Masks of open faces; `met` (3, z, y, x) says of each upper face where the way through it meets a surface."""
+    open_faces = np.zeros(volume.shape, np.uint32)
+    for axis in range(3):
+        free = met[axis] == NOWHERE
+        free[(slice(None),) * (2 - axis) + (-1,)] = False
+        open_faces |= free.astype(np.uint32) << (2 * axis + 1)
+        open_faces |= shifted(free[None].astype(np.uint32), 2 * axis)[0] << (2 * axis)
+    return open_faces
+
+
+def surfaces(volume: Volume, rooms: NDArray[np.int_], where: float = 0.5) -> Array:
+    """Surfaces between cells of different numbers, at `where` of the way from the lower one's middle."""
+    met = np.full((3, *volume.shape), NOWHERE)
+    for axis in range(3):
+        beyond = shifted(rooms[None] + 1.0, 2 * axis + 1)[0]
+        met[axis][(beyond != rooms + 1) & (beyond != 0)] = where
+    return met
+
+
+def own_cell(volume: Volume, place: Array, met: Array) -> NDArray[np.int_]:
+    """The cell at a place, or beside it where a surface is between the place and the cell's middle."""
+    own = np.floor(place).astype(int)
+    for axis in range(3):
+        side = 1 if place[axis] > own[axis] + 0.5 else -1
+        if not 0 <= own[axis] + side < volume.size[axis]:
+            continue
+        lower = own.copy()
+        lower[axis] += min(side, 0)
+        surface = met[(axis, *lower[::-1])]
+        beyond = side * (place[axis] - (lower[axis] + 0.5 + surface)) > 0
+        if surface != NOWHERE and beyond:
+            own[axis] += side
+    return own
+
+
 def look_up(
-    volume: Volume,
-    total: Array,
-    open_faces: NDArray[np.uint32],
-    origin: Array,
-    normal_geo: Array,
-    normal_shade: Array,
+    volume: Volume, total: Array, met: Array, origin: Array, normal_geo: Array, normal_shade: Array
 ) -> Array:
     """Irradiance at one point: what a step would take through a face there, over the face's area."""
     before = CLEAR * np.abs(normal_geo).sum() / 2
     place = (origin - volume.corner) / volume.edge + before * normal_geo
     place = np.clip(place, 0, np.array(volume.size) - 1e-3)
-    own = np.floor(place).astype(int)
-    mask = int(open_faces[tuple(own[::-1])])
-    sides = np.where(place - own > 0.5, 1, -1)
+    own = own_cell(volume, place, met)
+    mask = int(masks(volume, met)[tuple(own[::-1])])
+    away = place - (own + 0.5)
+    sides = np.where(away > 0, 1, -1)
+    far = np.minimum(np.abs(away), 0.5)
     sums, shares = np.zeros((3, 4)), 0.0
     for corner in np.ndindex(2, 2, 2):
         at = own + sides * corner
@@ -246,8 +282,9 @@ def look_up(
         if any(closed):
             continue
         middle = volume.corner + (at + 0.5) * volume.edge
-        share = np.prod(1 - np.abs(place - (at + 0.5)))
-        share *= np.clip(2 * (middle - origin) @ normal_geo / volume.edge, 0, 1)
+        share = np.prod(np.where(corner, far, 1 - far))
+        least = 0.0 if any(corner) else 0.05
+        share *= np.clip(2 * (middle - origin) @ normal_geo / volume.edge, least, 1)
         if share > 0:
             sums += share * total[:, at[2], at[1], at[0]]
             shares += share
