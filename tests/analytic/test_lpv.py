@@ -1,4 +1,4 @@
-"""Light propagation volumes through the whole renderer: closed forms, walls, what is kept, what is refused."""
+"""Light propagation volumes through the whole renderer: closed forms, walls, what is kept."""
 
 from __future__ import annotations
 
@@ -8,6 +8,7 @@ import trimesh
 from numpy.typing import NDArray
 
 import miplight as ml
+from miplight import _core
 
 LPV = ml.Settings(direct="off", indirect="lpv")
 SMALL = LPV.replace(lpv_resolution=16, lpv_iterations=40, lpv_samples=4096)
@@ -104,9 +105,9 @@ def test_frames_are_the_same_bits(renderer: ml.Renderer, room: ml.Scene, camera:
     there[0, 3], there[1, 3] = 0.3, 0.4
     back = np.eye(4)
     back[1, 3] = 0.4
-    room.meshes["box"].transform = there
+    room.set_transform("box", there)
     moved = renderer.render(room, camera, SMALL).image
-    room.meshes["box"].transform = back
+    room.set_transform("box", back)
     images.append(renderer.render(room, camera, SMALL).image)
     assert all((image == images[0]).all() for image in images)
     assert images[0].max() > 0
@@ -125,22 +126,27 @@ def test_samples_and_blocked_faces_are_kept(room: ml.Scene, camera: ml.Camera, a
         room.lights["lamp"].radiance = (1, 2, 3)
         assert not made & set(renderer.render(room, camera, SMALL).stats.stages)
         assert made <= set(renderer.render(room, camera, SMALL.replace(lpv_resolution=20)).stats.stages)
-        room.meshes["box"].transform = np.eye(4)
+        room.set_transform("box", np.eye(4))
         assert made <= set(renderer.render(room, camera, SMALL.replace(lpv_resolution=20)).stats.stages)
 
 
 def test_without_it_nothing_is_allocated(room: ml.Scene, camera: ml.Camera, adapter: str) -> None:
-    settings = SMALL.replace(indirect="off", direct="on", light_samples=16)
-    with ml.Renderer(adapter) as renderer:
-        without = renderer.render(room, camera, settings).stats.device_bytes
-    with ml.Renderer(adapter) as renderer:
-        large = settings.replace(lpv_resolution=128, lpv_samples=262144)
-        assert renderer.render(room, camera, large).stats.device_bytes == without
-        assert renderer.render(room, camera, SMALL).stats.device_bytes > without
+    settings = {"light_samples": 16}
+    job = (room._core_snapshot(), camera._core_camera())
+
+    def allocated(**changes: object) -> int:
+        core = _core.Renderer(adapter)
+        held: int = core.render(*job, {**settings, **changes}, []).stats["device_bytes"]
+        core.close()
+        return held
+
+    without = allocated()
+    assert allocated(lpv_resolution=128, lpv_samples=262_144) == without
+    assert allocated(indirect="lpv", lpv_resolution=16, lpv_iterations=1) > without
 
 
 def test_lights_add_up_and_scale(renderer: ml.Renderer) -> None:
-    """Twice the radiance is twice the light; the net flow is cut channel by channel, and linear in all of it."""
+    """Twice the radiance is twice the light; cutting the net flow is linear in all light of a cell."""
     scene = _two_rooms(0.25)
     camera = _view((-1.8, 0.3, 0), (-1, -1, 0))
     once = renderer.render(scene, camera, SMALL)["indirect"]

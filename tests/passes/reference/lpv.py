@@ -228,7 +228,7 @@ def through_face() -> Array:
 
 
 def masks(volume: Volume, met: Array) -> NDArray[np.uint32]:
-    """Masks of open faces; `met` (3, z, y, x) says of each upper face where the way through it meets a surface."""
+    """Masks of open faces; `met` (3, z, y, x) says where the way through each upper face meets a surface."""
     open_faces = np.zeros(volume.shape, np.uint32)
     for axis in range(3):
         free = met[axis] == NOWHERE
