@@ -50,6 +50,8 @@ impl SceneFacts {
 pub struct Valid {
     /// The G-buffer: same geometry, same camera, same size.
     pub gbuffer: bool,
+    /// Samples of surfaces and blocked faces: same geometry, same settings of the volume.
+    pub volume: bool,
 }
 
 /// The passes of a frame, in order, and the reasons for those left out.
@@ -74,6 +76,11 @@ impl Plan {
     /// Whether anything of lobes runs.
     pub fn runs_specular(&self) -> bool {
         [SPECULAR, LOBE_INTEGRAL[0], LOBES[0]].iter().any(|pass| self.runs(pass))
+    }
+
+    /// Whether there is indirect light.
+    pub fn runs_indirect(&self) -> bool {
+        [INDIRECT[0], RSM[0], LPV[2]].iter().any(|pass| self.runs(pass))
     }
 
     /// Whether a pass runs.
@@ -107,7 +114,7 @@ pub fn plan(facts: SceneFacts, settings: &Settings, valid: Valid) -> Plan {
     plan.add_specular(facts, settings, matt);
 
     let indirect = settings.is("indirect", "off").then_some("indirect is off").or(no_surface).or(no_light);
-    plan.add_indirect(settings, indirect);
+    plan.add_indirect(settings, valid, indirect);
     plan.add(&[COMPOSITE], None);
     plan.add(&[DOWNSAMPLE], (settings.int("supersample") == 1).then_some("supersample is 1"));
     plan
@@ -268,6 +275,7 @@ mod tests {
             &LOBE_INTEGRAL,
             &LOBES,
             &INDIRECT,
+            &LPV,
             &RSM,
             &[RSM_TREE],
             &VPLS,
@@ -285,6 +293,7 @@ mod tests {
                     ("indirect", "off"),
                     ("indirect", "final-gather"),
                     ("indirect", "clustered"),
+                    ("indirect", "lpv"),
                     ("refine_lists", "per-light"),
                     ("direct_refine", "none"),
                     ("direct", "off"),
@@ -294,7 +303,8 @@ mod tests {
                     ("direct_estimator", "ratio"),
                 ] {
                     for refine in ["none", "one-pass", "incremental", "sub-fragment"] {
-                        let plan = plan(facts, &settings(&[change, ("refine", refine)]), Valid { gbuffer });
+                        let plan =
+                            plan(facts, &settings(&[change, ("refine", refine)]), Valid { gbuffer, volume: gbuffer });
                         for pass in &all {
                             let why = reason(&plan, pass);
                             assert_ne!(plan.runs(pass), !why.is_empty(), "{pass} {facts:?} {change:?} {refine}");
@@ -337,7 +347,7 @@ mod tests {
         let spots = SceneFacts { area_lights: 0, spot_lights: 2, ..ROOM };
         let spotted = plan(spots, &off, Valid::default());
         assert!(!spotted.runs(DIRECT[0]) && spotted.runs(DIRECT[2]));
-        assert!(!plan(ROOM, &off, Valid { gbuffer: true }).runs(GEOMETRY[1]));
+        assert!(!plan(ROOM, &off, Valid { gbuffer: true, ..Valid::default() }).runs(GEOMETRY[1]));
         assert!(plan(ROOM, &settings(&[("indirect", "final-gather")]), Valid::default()).runs(INDIRECT[4]));
     }
 }

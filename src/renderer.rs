@@ -17,15 +17,14 @@ use crate::passes::gather::levels::Looked;
 use crate::passes::geometry::{gbuffer, primary_rays};
 use crate::passes::indirect::{Evaluations, Indirect};
 use crate::passes::lights::virtual_light::{Rsm, VirtualLights};
+use crate::passes::lpv::points::{Asked, Kept as KeptVolumes};
 use crate::passes::scene_buffers::SceneBuffers;
 use crate::passes::visibility::Hit;
 use crate::passes::visibility::occlusion;
 use crate::passes::visibility::placed::PlacedScene;
 use crate::passes::visibility::trace::{Form, Tracer};
-use crate::passes::{Context, GBuffer, View, gather, indirect, lobes};
-use crate::plan::{
-    COMPOSITE, DIRECT, DOWNSAMPLE, FRAGMENTS, GEOMETRY, INDIRECT, IRRADIANCE, Plan, RSM, SceneFacts, Valid, plan,
-};
+use crate::passes::{Context, GBuffer, View, gather, indirect, lobes, lpv};
+use crate::plan::{COMPOSITE, DIRECT, DOWNSAMPLE, FRAGMENTS, GEOMETRY, IRRADIANCE, Plan, SceneFacts, Valid, plan};
 use crate::scene::camera::Camera;
 use crate::scene::prepare::Prepared;
 use crate::scene::snapshot::Snapshot;
@@ -49,6 +48,7 @@ struct State {
     scene: SceneBuffers,
     tracer: Tracer,
     placed: PlacedScene,
+    volumes: KeptVolumes,
     generation: u64,
     /// What the G-buffer of the last frame was made of.
     seen: Option<(View, u64)>,
@@ -135,6 +135,7 @@ impl Renderer {
             scene: SceneBuffers::new(),
             tracer,
             placed: PlacedScene::default(),
+            volumes: KeptVolumes::default(),
             generation: 0,
             seen: None,
             kept: None,
@@ -165,6 +166,7 @@ impl Renderer {
         state.generation += 1;
         state.resources = Resources::new(&self.gpu);
         state.scene = SceneBuffers::new();
+        state.volumes = KeptVolumes::default();
         self.gpu.close();
     }
 
@@ -189,6 +191,7 @@ impl Renderer {
         occlusion::check(snapshot, camera, settings, &self.gpu)?;
         lobes::check(settings)?;
         indirect::check(snapshot, settings, &self.gpu)?;
+        lpv::check(settings, &self.gpu)?;
         let factor = u64::from(settings.int("supersample"));
         let pixels = u64::from(camera.width) * u64::from(camera.height) * factor * factor;
         let largest = self.gpu.limits().max_storage_buffer_binding_size.min(self.gpu.limits().max_buffer_size) / 16;
@@ -231,7 +234,10 @@ impl Renderer {
         let seen = state.seen.take();
         let rebuilt = recorder.host("upload", |gpu, _| state.sync(gpu, &prepared))?;
         let repainted = rebuilt.iter().any(|part| SURFACE_PARTS.contains(part));
-        let valid = Valid { gbuffer: !repainted && seen == Some((view, state.placed.version())) };
+        let valid = Valid {
+            gbuffer: !repainted && seen == Some((view, state.placed.version())),
+            volume: state.volumes.placed(Asked::of(settings)).is_some(),
+        };
         let plan = plan(SceneFacts::of(snapshot), settings, valid);
         let (kept, work) = state.passes(&mut recorder, &plan, &prepared, settings, view)?;
         let asked = work.evaluations.asked();
@@ -263,7 +269,7 @@ impl Renderer {
             settings: settings.clone(),
             keep: keep.to_vec(),
             lobes: specular_fragments,
-            indirect: plan.runs(INDIRECT[0]) || plan.runs(RSM[0]),
+            indirect: plan.runs_indirect(),
         })
     }
 }
@@ -321,6 +327,7 @@ impl State {
     fn sync(&mut self, gpu: &Gpu, prepared: &Prepared) -> Result<Vec<&'static str>> {
         let mut rebuilt = self.placed.sync(&mut self.tracer, gpu, prepared)?;
         rebuilt.extend(self.scene.sync(gpu, prepared)?);
+        self.volumes.follow(self.placed.version());
         Ok(rebuilt)
     }
 
@@ -334,14 +341,15 @@ impl State {
         view: View,
     ) -> Result<(Kept, Work)> {
         let (resources, scene, tracer) = (&mut self.resources, &self.scene, &self.tracer);
-        let mut context = Context { recorder, resources, scene, tracer, prepared, settings, view, rays: 0 };
+        let volumes = &mut self.volumes;
+        let mut context = Context { recorder, resources, scene, tracer, prepared, settings, view, volumes, rays: 0 };
         let gbuffer = gbuffer::buffers(&mut context)?;
         context.scoped("geometry", |context| geometry(context, plan, &gbuffer))?;
         let direct = match [DIRECT[1], FRAGMENTS[1], IRRADIANCE].iter().any(|pass| plan.runs(pass)) {
             true => Some(context.scoped("direct", |context| gather::record(context, &gbuffer, plan.runs_specular()))?),
             false => None,
         };
-        let indirect = match plan.runs(INDIRECT[0]) || plan.runs(RSM[0]) {
+        let indirect = match plan.runs_indirect() {
             true => Some(context.scoped("indirect", |context| indirect::record(context, &gbuffer, plan.glossy))?),
             false => None,
         };

@@ -1,5 +1,6 @@
 //! Every number and choice that a user can set: stated once, here, with its range, unit and source.
 
+mod lpv_table;
 mod presets;
 mod spec;
 mod table;
@@ -11,15 +12,21 @@ use crate::error::{Error, Result};
 pub use presets::{Changes, PRESETS};
 pub use spec::{Default, Kind, Spec, Value};
 
-const COUNT: usize = table::GENERAL.len() + virtual_table::VIRTUAL.len();
+/// By what they are of, in the order in which they are documented.
+const TABLES: [&[Spec]; 3] = [table::GENERAL, virtual_table::VIRTUAL, lpv_table::LPV];
+const COUNT: usize = table::GENERAL.len() + virtual_table::VIRTUAL.len() + lpv_table::LPV.len();
 
 /// All settings, in the order in which they are documented.
 pub const SPECS: &[Spec] = &{
     let mut all = [table::GENERAL[0]; COUNT];
-    let (general, mut i) = (table::GENERAL.len(), 0);
-    while i < COUNT {
-        all[i] = if i < general { table::GENERAL[i] } else { virtual_table::VIRTUAL[i - general] };
-        i += 1;
+    let (mut i, mut of) = (0, 0);
+    while of < TABLES.len() {
+        let mut row = 0;
+        while row < TABLES[of].len() {
+            all[i] = TABLES[of][row];
+            (i, row) = (i + 1, row + 1);
+        }
+        of += 1;
     }
     all
 };

@@ -48,6 +48,8 @@ NO_PASS = {
     "virtual_light",
     "virtual_lights",
     "parts",
+    "volumes",
+    "points",
 }
 # Two shaders of one pass: closest and any hits, and shadow rays that are made where they are traced.
 RUST_OF = {"visibility/shadow": "visibility/trace"}

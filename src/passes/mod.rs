@@ -8,6 +8,7 @@ pub mod geometry;
 pub mod indirect;
 pub mod lights;
 pub mod lobes;
+pub mod lpv;
 pub mod refine;
 pub mod scene_buffers;
 pub mod specular;
@@ -116,6 +117,8 @@ pub struct Context<'f, 'a> {
     pub settings: &'f Settings,
     /// The internal camera.
     pub view: View,
+    /// What light propagation volumes keep between frames.
+    pub volumes: &'f mut lpv::points::Kept,
     /// Rays traced so far.
     pub rays: u64,
 }

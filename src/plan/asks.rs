@@ -56,6 +56,11 @@ pub fn has_lists_per_light(settings: &Settings) -> bool {
     settings.is("refine_lists", "per-light") && !settings.is("refine", "none") && indirect_from_virtual_lights(settings)
 }
 
+/// Whether indirect light comes from a light propagation volume.
+pub fn has_volume(settings: &Settings) -> bool {
+    settings.is("indirect", "lpv")
+}
+
 /// Whether indirect light comes from virtual lights.
 pub fn indirect_from_virtual_lights(settings: &Settings) -> bool {
     ["splat", "gather", "clustered", "hierarchical"].iter().any(|indirect| settings.is("indirect", indirect))

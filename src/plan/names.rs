@@ -57,6 +57,16 @@ pub const LOBES: [&str; 5] =
 /// Passes of indirect light by a final gather.
 pub const INDIRECT: [&str; 5] =
     ["indirect/gather_rays", "indirect/trace", "indirect/gather_hits", "indirect/shadow", "indirect/gather_sum"];
+/// Passes of indirect light by a propagation volume; the first two and the last where nothing of it is kept.
+pub const LPV: [&str; 7] = [
+    "indirect/surface_samples",
+    "indirect/blockers",
+    "indirect/sample_rays",
+    "indirect/inject",
+    "indirect/propagate",
+    "indirect/look_up",
+    "indirect/blockers_trace",
+];
 /// Passes that find where lights shine, and what is reflected there.
 pub const RSM: [&str; 2] = ["indirect/rsm_rays", "indirect/rsm_trace"];
 /// Virtual lights of all sizes.

@@ -1,18 +1,31 @@
 //! The part of the plan that is indirect light.
 
-use super::names::{INDIRECT, RSM, RSM_TREE, TRANSPORT, VPL_FRAGMENTS, VPL_LISTS, VPL_UPSAMPLE, VPL_VISIBLE, VPLS};
-use super::{Plan, has_lists_per_light, indirect_from_virtual_lights};
+use super::names::{
+    INDIRECT, LPV, RSM, RSM_TREE, TRANSPORT, VPL_FRAGMENTS, VPL_LISTS, VPL_UPSAMPLE, VPL_VISIBLE, VPLS,
+};
+use super::{Plan, Valid, has_lists_per_light, has_volume, indirect_from_virtual_lights};
 use crate::settings::Settings;
 
 impl Plan {
     /// What the settings leave of it; `skip`: why nothing.
-    pub(super) fn add_indirect(&mut self, settings: &Settings, skip: Option<&'static str>) {
+    pub(super) fn add_indirect(&mut self, settings: &Settings, valid: Valid, skip: Option<&'static str>) {
         let gathers = settings.is("indirect", "final-gather");
         let by_rays = gathers.then_some("indirect light is gathered by rays: indirect is final-gather");
         let by_lights = indirect_from_virtual_lights(settings).then_some("indirect light comes from virtual lights");
-        self.add(&INDIRECT, skip.or(by_lights));
-        self.add_virtual_lights(settings, skip.or(by_rays));
+        let by_cells = has_volume(settings).then_some("indirect light comes from a volume: indirect is lpv");
+        self.add(&INDIRECT[..2], skip.or(by_lights).or(by_cells));
+        self.add_volume(settings, valid, skip.or(by_rays).or(by_lights));
+        self.add(&INDIRECT[2..], skip.or(by_lights));
+        self.add_virtual_lights(settings, skip.or(by_rays).or(by_cells));
         self.add_virtual_fragments(settings, skip.or(by_rays));
+    }
+
+    fn add_volume(&mut self, settings: &Settings, valid: Valid, skip: Option<&'static str>) {
+        let kept = valid.volume.then_some("neither geometry nor the volume changed since the last frame");
+        let unasked = settings.is("indirect_visibility", "off").then_some("indirect_visibility is off");
+        self.add(&LPV[..2], skip.or(kept));
+        self.add(&LPV[2..6], skip);
+        self.add(&LPV[6..], skip.or(kept).or(unasked));
     }
 
     fn add_virtual_lights(&mut self, settings: &Settings, skip: Option<&'static str>) {
@@ -49,7 +62,8 @@ impl Plan {
             self.add(&[pass], skip.or(own).or(other));
         }
         let unasked = settings.is("indirect_visibility", "off").then_some("indirect_visibility is off");
-        self.add(&VPL_VISIBLE, skip.or(unasked).or(own));
+        let inside = has_volume(settings).then_some("indirect light comes from a volume: indirect is lpv");
+        self.add(&VPL_VISIBLE, skip.or(unasked).or(own).or(inside));
         for (pass, upsample) in VPL_UPSAMPLE.into_iter().zip(["nearest", "bilinear", "edge-aware", "rbf", "rbf", "rbf"])
         {
             let other = (!settings.is("upsample", upsample)).then_some("upsample is another");

@@ -7,3 +7,4 @@ pub mod material;
 pub mod mesh;
 pub mod prepare;
 pub mod snapshot;
+pub mod surface_samples;

@@ -48,12 +48,12 @@ pub(super) const GENERAL: &[Spec] = &[
     choice(
         "indirect",
         &["off", "splat", "gather", "clustered", "hierarchical", "lpv", "final-gather"],
-        &["off", "splat", "gather", "clustered", "hierarchical", "final-gather"],
+        &["off", "splat", "gather", "clustered", "hierarchical", "lpv", "final-gather"],
         "off",
         "How light that was reflected before is found: by rays from each pixel (`final-gather`), or from virtual lights in \
          reflective shadow maps: each of a list splatted, or gathered from; clusters of them; a cut through their tree for \
-         each fragment.",
-        "[Kaj86; NW09; NSW09]",
+         each fragment; or from a light propagation volume (`lpv`).",
+        "[Kaj86; NW09; NSW09; KJ16]",
     ),
     int("bounces", [1, 64], 1, "Reflections before the last one; `final-gather` only.", "[Kaj86]"),
     int("gather_rays", [1, 65_536], 256, "Stratified hemisphere rays a pixel; `final-gather` only.", "[WRC88]"),
@@ -62,7 +62,8 @@ pub(super) const GENERAL: &[Spec] = &[
         OFF_ON,
         OFF_ON,
         "on",
-        "Occlusion between a surface and what lights it indirectly; `final-gather` has no choice.",
+        "Occlusion between a surface and what lights it indirectly; with `lpv` whether surfaces stop light that propagates; \
+         `final-gather` has no choice.",
         "[NW09]",
     ),
     choice(

@@ -22,7 +22,6 @@ fn refuses_unknown_names_ranges_and_what_is_not_there_yet() {
     assert!(error("ligth_samples", Value::Int(4)).contains("ligth_samples"));
     assert!(error("light_samples", Value::Int(0)).contains("1 to 4096"));
     assert!(error("supersample", Value::Int(3)).contains("[1, 2, 4]"));
-    assert!(error("indirect", Value::Text("lpv".into())).contains("not available yet"));
     assert!(error("indirect", Value::Text("magic".into())).contains("final-gather"));
     assert!(error("target_error", Value::Float(0.01)).contains("not available yet"));
     assert!(error("depth_threshold", Value::Float(-1.0)).contains("from 0"));

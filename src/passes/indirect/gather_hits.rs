@@ -8,7 +8,7 @@ use crate::passes::Context;
 ///
 /// # Errors
 /// Those of the device.
-pub(super) fn record(context: &mut Context<'_, '_>, wave: &GatherWave, lists: &Lists) -> Result<()> {
+pub(in crate::passes) fn record(context: &mut Context<'_, '_>, wave: &GatherWave, lists: &Lists) -> Result<()> {
     let features = context.prepared.features();
     let kernel = context.kernel_with("indirect/gather_hits", "main", &[("FEATURES", features.into())])?;
     let scene = context.scene;

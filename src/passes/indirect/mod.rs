@@ -1,4 +1,4 @@
-//! Indirect light: from virtual lights, or by a final gather, stratified hemisphere rays from every pixel, whose hits are
+//! Indirect light: from virtual lights, from a propagation volume, or by a final gather, stratified hemisphere rays from every pixel, whose hits are
 //! lit by the lights and may go on as paths, worked on in waves of whole tiles and ranges of strata.
 
 pub mod gather_hits;
@@ -7,6 +7,7 @@ pub mod gather_sum;
 pub mod light_cut;
 pub mod parts;
 pub mod virtual_lights;
+pub mod volumes;
 pub mod vpl_gather;
 pub mod vpl_rays;
 pub mod vpl_splat;
@@ -106,16 +107,23 @@ pub fn mixed(settings: &Settings) -> (&'static str, f64) {
 }
 
 /// The lists of a wave.
-struct Lists {
-    rays: Buffer<Ray>,
-    hits: Buffer<Hit>,
-    paths: Buffer<GatherPath>,
-    shadow_rays: Buffer<Ray>,
-    occluded: Buffer<u32>,
+pub(super) struct Lists {
+    /// Of gather rays.
+    pub(super) rays: Buffer<Ray>,
+    /// What they meet.
+    pub(super) hits: Buffer<Hit>,
+    /// What they carry.
+    pub(super) paths: Buffer<GatherPath>,
+    /// From the hits to points on lights.
+    pub(super) shadow_rays: Buffer<Ray>,
+    /// Which of these meet something.
+    pub(super) occluded: Buffer<u32>,
 }
 
 impl Lists {
-    fn new(context: &mut Context<'_, '_>, len: usize) -> Result<Self> {
+    /// # Errors
+    /// Those of the device.
+    pub(super) fn new(context: &mut Context<'_, '_>, len: usize) -> Result<Self> {
         Ok(Self {
             rays: context.resources.buffer("gather_rays", len)?,
             hits: context.resources.buffer("gather_hits", len)?,
@@ -136,6 +144,9 @@ pub fn record(context: &mut Context<'_, '_>, gbuffer: &GBuffer, glossy: bool) ->
     }
     if plan::indirect_from_virtual_lights(context.settings) {
         return virtual_lights::record(context, gbuffer);
+    }
+    if plan::has_volume(context.settings) {
+        return volumes::record(context, gbuffer);
     }
     let irradiance = final_gather(context, gbuffer)?;
     let evaluations = Evaluations::default();

@@ -14,6 +14,7 @@ ULP = 2.0**-24
 """Largest relative error of one float32 rounding."""
 
 UNIFORMS = {"params", "view", "wave", "top_level", "frame", "texture", "pyramid", "voxels", "map", "source"}
+UNIFORMS |= {"volume"}
 """Bindings that are one struct, not a list."""
 
 _HEAD = """

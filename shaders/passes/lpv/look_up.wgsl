@@ -1,0 +1,108 @@
+// Irradiance at receivers from the light that passed the cells before them [KD10 Sec. 3.6].
+// In: receivers, the sum over all steps, open faces, and where surfaces close the others. Out: irradiance.
+
+import package::common::grid::{Grid, item_index};
+import package::common::lpv_volume::{CLEAR, NOWHERE, Volume, cell_beside, cell_number, face_bit};
+import package::common::ray::Receiver;
+import package::common::receiver::INACTIVE;
+
+struct LookUpParams {
+    mean: f32,          // irradiance of a unit of each coefficient
+    along: f32,
+    pad0: u32,
+    pad1: u32,
+}
+
+@group(0) @binding(30) var<uniform> grid: Grid;
+@group(0) @binding(0) var<uniform> volume: Volume;
+@group(0) @binding(1) var<uniform> params: LookUpParams;
+@group(0) @binding(2) var<storage, read> receivers: array<Receiver>;
+@group(0) @binding(3) var<storage, read> total: array<vec4f>;
+@group(0) @binding(4) var<storage, read> open: array<u32>;
+@group(0) @binding(5) var<storage, read> met: array<f32>;
+@group(0) @binding(6) var<storage, read_write> irradiance: array<vec4f>;
+
+// Share of the own cell by its distance from the receiver's plane, at least.
+const LEAST: f32 = 0.05;
+
+// Where among the cells a receiver looks, in cells: half a cell before it, so that the cell there lies on the right side of it.
+fn looked_at(r: Receiver) -> vec3f {
+    let n = r.normal_geo;
+    let before = 0.5 * CLEAR * (abs(n.x) + abs(n.y) + abs(n.z));
+    let place = (r.origin - volume.corner) / volume.edge + before * n;
+    return clamp(place, vec3f(0.0), vec3f(volume.size) - 0.001);
+}
+
+// The cell that a place is in, or the one beside it where a surface between their middles lies nearer to this one's
+// middle than the place does: then the other's is on the place's side.
+fn seen_from(place: vec3f) -> vec3u {
+    var own = vec3u(place);
+    for (var axis = 0u; axis < 3u; axis++) {
+        let middle = f32(own[axis]) + 0.5;
+        let up = place[axis] > middle;
+        let cell = cell_number(volume, own);
+        if (up && own[axis] + 1u < volume.size[axis]) || (!up && own[axis] > 0u) {
+            let lower = select(cell_beside(volume, cell, axis, false), cell, up);
+            let surface = met[axis * volume.cells + lower];
+            let at = middle + surface - select(1.0, 0.0, up);
+            if surface != NOWHERE && select(place[axis] < at, place[axis] > at, up) {
+                own[axis] = select(own[axis] - 1u, own[axis] + 1u, up);
+            }
+        }
+    }
+    return own;
+}
+
+// Of the cells about a place: share of a cell by the trilinear weights, less where its middle is nearer to the receiver's
+// plane than half a cell, and none where a surface lies between it and the cell that the receiver looks from.
+fn share_of(r: Receiver, away: vec3f, own: vec3u, mask: u32, beside: vec3<bool>) -> f32 {
+    // The place may lie outside of its own cell.
+    let far = min(abs(away), vec3f(0.5));
+    let weights = select(1.0 - far, far, beside);
+    let step = select(vec3f(0.0), sign(away), beside);
+    let middle = volume.corner + (vec3f(own) + 0.5 + step) * volume.edge;
+    let least = select(LEAST, 0.0, any(beside));
+    var share = weights.x * weights.y * weights.z;
+    share *= clamp(2.0 * dot(middle - r.origin, r.normal_geo) / volume.edge, least, 1.0);
+    for (var axis = 0u; axis < 3u; axis++) {
+        if beside[axis] && (mask & face_bit(axis, away[axis] > 0.0)) == 0u {
+            share = 0.0;
+        }
+    }
+    return share;
+}
+
+@compute @workgroup_size(64)
+fn main(
+    @builtin(workgroup_id) group: vec3u,
+    @builtin(num_workgroups) groups: vec3u,
+    @builtin(local_invocation_index) lane: u32,
+) {
+    let i = item_index(grid, group, groups, 64u, lane);
+    if i >= grid.end || receivers[i].pixel == INACTIVE {
+        return;
+    }
+    let r = receivers[i];
+    let place = looked_at(r);
+    let own = seen_from(place);
+    let away = place - (vec3f(own) + 0.5);
+    let mask = open[cell_number(volume, own)];
+    var sum = mat3x4f();
+    var shares = 0.0;
+    for (var corner = 0u; corner < 8u; corner++) {
+        let beside = vec3<bool>((corner & 1u) != 0u, (corner & 2u) != 0u, (corner & 4u) != 0u);
+        let share = share_of(r, away, own, mask, beside);
+        if share > 0.0 {
+            let step = select(vec3i(0), vec3i(sign(away)), beside);
+            let cell = cell_number(volume, vec3u(vec3i(own) + step));
+            shares += share;
+            for (var channel = 0u; channel < 3u; channel++) {
+                sum[channel] += share * total[channel * volume.cells + cell];
+            }
+        }
+    }
+    // Light arrives against the normal.
+    let facing = vec4f(params.mean, -params.along * r.normal_shade);
+    let found = vec3f(dot(sum[0], facing), dot(sum[1], facing), dot(sum[2], facing)) / max(shares, 1e-6);
+    irradiance[r.pixel] = vec4f(max(found, vec3f(0.0)), 0.0);
+}

@@ -1,0 +1,136 @@
+"""`look_up`: irradiance at receivers from what passed the cells before them [KD10]."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from tests.passes.reference import lpv
+from tests.passes.reference.run import Runner, assert_not_within, assert_within, read
+from tests.passes.reference.structs import MISS, RECEIVER, record
+
+Array = NDArray[np.float64]
+VOLUME = lpv.Volume(np.array([1.0, -2, 3]), 0.4, (9, 7, 8))
+NOTHING = np.full((3, *VOLUME.shape), lpv.NOWHERE)
+
+
+def _receivers(rng: np.random.Generator, count: int) -> NDArray[Any]:
+    """Anywhere but in the margin, with normals of all directions."""
+    receivers = np.zeros(count, RECEIVER)
+    inside = rng.uniform(1, np.array(VOLUME.size) - 1, (count, 3))
+    receivers["origin"] = VOLUME.corner + inside * VOLUME.edge
+    normal = rng.normal(size=(count, 3))
+    shade = normal + 0.3 * rng.normal(size=(count, 3))
+    receivers["normal_geo"] = normal / np.linalg.norm(normal, axis=1, keepdims=True)
+    receivers["normal_shade"] = shade / np.linalg.norm(shade, axis=1, keepdims=True)
+    receivers["pixel"] = rng.permutation(count)
+    return receivers
+
+
+def _run(runner: Runner, receivers: NDArray[Any], total: Array, met: Array) -> NDArray[np.float32]:
+    """Irradiance in the order of the receivers."""
+    up = lpv.coefficients("directions")
+    out_of = np.sqrt(4 * np.pi) / VOLUME.edge**2
+    out = runner(
+        "passes/lpv/look_up",
+        len(receivers),
+        volume=VOLUME.record(),
+        params=record(lpv.LOOK_UP, mean=up["mean_of_mean"] * out_of, along=up["mean_of_along"] * out_of),
+        receivers=receivers,
+        total=total.reshape(-1, 4).astype(np.float32),
+        open=lpv.masks(VOLUME, met).ravel(),
+        met=met.ravel().astype(np.float32),
+        irradiance=np.full((len(receivers), 4), -7, np.float32),
+    )
+    found = read(out, "irradiance", np.float32, -1, 4)
+    return found[np.where(receivers["pixel"] == MISS, 0, receivers["pixel"]), :3]
+
+
+def _expected(receivers: NDArray[Any], total: Array, met: Array) -> Array:
+    fields = [receivers[n].astype(np.float64) for n in ("origin", "normal_geo", "normal_shade")]
+    rows = [lpv.look_up(VOLUME, total, met, *row) for row in zip(*fields, strict=True)]
+    return np.array(rows)
+
+
+def test_receivers_see_the_cells_before_them(runner: Runner, rng: np.random.Generator) -> None:
+    receivers = _receivers(rng, 1000)
+    total = rng.uniform(0.5, 1, (3, *VOLUME.shape, 4)) * [1, 0.5, -0.3, 0.4]
+    total = total.astype(np.float32).astype(np.float64)
+    rooms = rng.integers(0, 2, VOLUME.shape)
+    walls = lpv.surfaces(VOLUME, rooms, 0.3)
+    for met in (NOTHING, walls):
+        found = _run(runner, receivers, total, met)
+        expected = _expected(receivers, total, met)
+        # places good to 1e-6 of a cell; shares of cells near the plane are small, their quotient is not
+        bound = 1e-4 * expected.max()
+        assert_within(found, expected, bound, "irradiance")
+        turned = receivers.copy()
+        turned["normal_shade"] *= -1
+        assert_not_within(found, _expected(turned, total, met), bound)
+    assert_not_within(found, _expected(receivers, total, NOTHING), bound)
+    assert_not_within(found, _expected(receivers, total, lpv.surfaces(VOLUME, rooms, 0.6)), bound)
+
+
+@pytest.mark.parametrize("walls", [False, True])
+def test_in_a_furnace_everyone_gets_the_same(runner: Runner, rng: np.random.Generator, walls: bool) -> None:
+    """Radiance of 2 from everywhere: a beam of it takes through a cell what falls on the cell's shadow."""
+    radiance = 2.0
+    w = rng.normal(size=(20_000, 3))
+    w /= np.linalg.norm(w, axis=1, keepdims=True)
+    shadow = np.abs(w).sum(axis=1) * VOLUME.edge**2
+    held = 4 * np.pi * radiance * (lpv.basis(w) * shadow[:, None]).mean(axis=0)
+    total = np.broadcast_to(held, (3, *VOLUME.shape, 4))
+    rooms = rng.integers(0, 3, VOLUME.shape) if walls else np.zeros(VOLUME.shape, int)
+    found = _run(runner, _receivers(rng, 1000), total, lpv.surfaces(VOLUME, rooms, 0.8))
+    expected = np.full(found.shape, np.pi * radiance)
+    assert_within(found, expected, 0.05 * expected, "irradiance")
+    assert_not_within(found, 1.1 * expected, 0.05 * expected)
+
+
+def test_light_behind_a_sheet_is_not_seen(runner: Runner, rng: np.random.Generator) -> None:
+    """A bright and a dark side, the sheet anywhere between middles, receivers on its dark side."""
+    normal = np.array([1.0, 0, 0])
+    middles = VOLUME.middles()
+    for place in (3.1, 3.6, 4.4, 4.49):
+        bright = (middles[..., 0] - VOLUME.corner[0]) / VOLUME.edge < place
+        total = np.zeros((3, *VOLUME.shape, 4))
+        total[:, bright, 0] = 1
+        # the sheet crosses the way from the middle of its last bright cell to the next
+        met = lpv.surfaces(VOLUME, bright.astype(int), (place - 0.5) % 1)
+        receivers = _receivers(rng, 200)
+        receivers["origin"][:, 0] = VOLUME.corner[0] + place * VOLUME.edge
+        for name in ("normal_geo", "normal_shade"):
+            receivers[name] = normal
+        assert (_run(runner, receivers, total, met) == 0).all()
+        for name in ("normal_geo", "normal_shade"):
+            receivers[name] = -normal
+        assert (_run(runner, receivers, total, met) > 0).all()
+
+
+def test_whoever_stands_on_the_floor_sees_its_own_side(runner: Runner, rng: np.random.Generator) -> None:
+    """The same sheet, receivers on a floor right beside it: the middle of their cell may lie beyond."""
+    middles = VOLUME.middles()
+    for place in (3.1, 3.4, 3.6, 3.9):
+        bright = (middles[..., 0] - VOLUME.corner[0]) / VOLUME.edge < place
+        total = np.zeros((3, *VOLUME.shape, 4))
+        total[:, bright, 0] = 1
+        met = lpv.surfaces(VOLUME, bright.astype(int), (place - 0.5) % 1)
+        receivers = _receivers(rng, 200)
+        receivers["origin"][:, 2] = VOLUME.corner[2] + 2 * VOLUME.edge
+        for name in ("normal_geo", "normal_shade"):
+            receivers[name] = (0, 0, 1)
+        for side in (-1, 1):
+            beside = place + side * rng.uniform(0.01, 0.5, 200)
+            receivers["origin"][:, 0] = VOLUME.corner[0] + beside * VOLUME.edge
+            found = _run(runner, receivers, total, met)
+            assert ((found > 0) == (side < 0)).all()
+
+
+def test_nobody_writes_for_who_is_not_there(runner: Runner, rng: np.random.Generator) -> None:
+    receivers = _receivers(rng, 64)
+    receivers["pixel"] = MISS
+    found = _run(runner, receivers, np.ones((3, *VOLUME.shape, 4)), NOTHING)
+    assert (found == -7).all()
