@@ -42,7 +42,7 @@ MATERIALS = {
     "flat lobe": ml.Material((0.3, 0.3, 0.3), specular=(0.5, 0.5, 0.5), shininess=0),
     "nearly a mirror": ml.Material((0, 0, 0), specular=(1, 1, 1), shininess=10_000),
 }
-VIRTUAL = ("splatting-2009", "radiosity-2009", "hierarchical-2009")
+INDIRECT = ("splatting-2009", "radiosity-2009", "hierarchical-2009", "area-2016")
 LOBES = ("lobe", "specular")
 PRESETS = sorted(name for name, preset in ml.presets().items() if preset is not None)
 
@@ -80,7 +80,7 @@ def test_the_matrix(renderer: ml.Renderer, preset: str, visibility: str, light: 
         lit = light != "none" and material != "black"
         lit &= (light, material) != ("spot", "nearly a mirror")  # a point's reflection lies between pixels
         assert frame.direct[frame.surface_mask].any() == lit, material
-        bounces = preset in VIRTUAL and light != "none" and material not in ("black", "nearly a mirror")
+        bounces = preset in INDIRECT and light != "none" and material not in ("black", "nearly a mirror")
         assert frame.indirect[frame.surface_mask].any() == bounces, material
         glossy = "specular" in repr(MATERIALS[material]) and light != "none"
         ran = [stage for stage in frame.stats.stages if any(word in stage for word in LOBES)]

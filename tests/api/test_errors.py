@@ -33,7 +33,7 @@ def test_each_is_one_of_ours_and_a_builtin(kind: type[ml.MiplightError]) -> None
 
 def test_what_is_not_there_yet_says_so() -> None:
     attempts: list[Callable[[], object]] = [
-        lambda: ml.Settings(indirect="lpv"),
+        lambda: ml.Settings(target_error=0.1),
         lambda: ml.Settings(budget_ms=10),
         lambda: ml.study.sweep(None, None, {}),
         lambda: ml.study.pareto(None),
@@ -98,7 +98,7 @@ def test_wrong_types_are_exceptions_too(wrong: Any) -> None:
 def test_settings_are_checked_by_the_core_as_well(room: ml.Scene, camera: ml.Camera) -> None:
     core = _core.Renderer("auto")
     job = (room._core_snapshot(), camera._core_camera())
-    for settings in ({"ligth_samples": 3}, {"light_samples": 0}, {"indirect": "lpv"}, {"direct": "maybe"}):
+    for settings in ({"ligth_samples": 3}, {"light_samples": 0}, {"indirect": "lvp"}, {"direct": "maybe"}):
         with pytest.raises(ml.SettingsError, match=next(iter(settings))):
             core.render(*job, settings, [])
     with pytest.raises(ml.SettingsError, match="no_such_thing"):

@@ -19,6 +19,12 @@ use miplight::passes::lobes::lobe_gather::LobeGatherParams;
 use miplight::passes::lobes::lobe_levels::LobeLevelsParams;
 use miplight::passes::lobes::lobe_points::LobePointsParams;
 use miplight::passes::lobes::lobe_visible::LobeVisibleParams;
+use miplight::passes::lpv::Volume;
+use miplight::passes::lpv::blockers::BlockersParams;
+use miplight::passes::lpv::inject::InjectParams;
+use miplight::passes::lpv::look_up::LookUpParams;
+use miplight::passes::lpv::points::{LpvCell, LpvPoint};
+use miplight::passes::lpv::propagate::PropagateParams;
 use miplight::passes::refine::extra_samples::ExtraSamplesParams;
 use miplight::passes::refine::incremental::IncrementalParams;
 use miplight::passes::refine::nodes::NodesParams;
@@ -38,6 +44,7 @@ pub(crate) fn twins() -> Vec<(Layout, &'static str, &'static str)> {
     let guard = host_layout!(StopGuardParams { first, hard, pad1, pad2 });
     let extra = host_layout!(ExtraSamplesParams { patterns, seed, pad0, pad1 });
     let mut all = lobes();
+    all.extend(volumes());
     all.extend(virtual_lights());
     all.extend(virtual_lists());
     all.extend(virtual_fragments());
@@ -227,4 +234,48 @@ fn interleaved() -> Layout {
         step_v,
         pad
     })
+}
+
+/// Those of light propagation volumes.
+fn volumes() -> Vec<(Layout, &'static str, &'static str)> {
+    let propagate = host_layout!(PropagateParams {
+        mean_of_mean,
+        mean_of_along,
+        along_of_mean,
+        along_of_along,
+        across,
+        most,
+        reflected,
+        pad
+    });
+    vec![
+        (host_layout!(Volume { corner, edge, size, cells }), "common/lpv_volume", "Volume"),
+        (host_layout!(LpvPoint { normal, area, instance, triangle, u, v }), "common/lpv_point", "LpvPoint"),
+        (host_layout!(LpvCell { cell, first, count, pad }), "common/lpv_point", "LpvCell"),
+        (host_layout!(InjectParams { most, pad0, pad1, pad2 }), "passes/lpv/inject", "InjectParams"),
+        (host_layout!(BlockersParams { first, pad0, pad1, pad2 }), "passes/lpv/blockers", "BlockersParams"),
+        (host_layout!(LookUpParams { mean, along, pad0, pad1 }), "passes/lpv/look_up", "LookUpParams"),
+        (propagate, "passes/lpv/propagate", "PropagateParams"),
+    ]
+}
+
+#[test]
+fn constants_of_volumes_are_the_same_on_both_sides() {
+    use miplight::gpu::{Gpu, Usage, never};
+    use miplight::passes::lpv::points::{CLEAR, NOWHERE};
+    let text = "
+import package::common::lpv_volume::{CLEAR, NOWHERE};
+@group(0) @binding(0) var<storage, read_write> out: array<f32>;
+@compute @workgroup_size(1)
+fn main() {
+    out[0] = CLEAR;
+    out[1] = NOWHERE;
+}";
+    let device = Gpu::new("auto").unwrap();
+    let kernel = device.kernel_from_text("tests/volume_constants", text, "main", &[]).unwrap();
+    let out = device.buffer::<f32>("out", 2, Usage::Storage).unwrap();
+    let mut recorder = device.record(never()).unwrap();
+    recorder.pass("constants", &kernel).bind("out", &out).dispatch_groups(1).unwrap();
+    recorder.finish().unwrap();
+    assert_eq!(device.read(&out).unwrap(), [CLEAR, NOWHERE]);
 }
