@@ -220,9 +220,7 @@ impl Renderer {
     ) -> Result<FrameInfo> {
         let started = Instant::now();
         self.check(snapshot, camera, settings)?;
-        read::check_names(keep)?;
-        read_levels::check_names(keep, settings)?;
-        read_lights::check_names(keep, settings)?;
+        read::check_asked(keep, settings)?;
         let mut state = self.lock();
         state.generation += 1;
         state.kept = None;

@@ -7,10 +7,11 @@ use glam::{DVec3, Vec3};
 use rayon::prelude::*;
 
 use super::read_levels::is_level_name;
-use super::{Kept, Renderer, read_lights};
+use super::{Kept, Renderer, read_levels, read_lights};
 use crate::error::{Error, Result};
 use crate::frame::{FrameInfo, Image, LEVEL_CULLED, LEVEL_NOTHING, Pixels, Reason};
 use crate::gpu::{Buffer, Gpu};
+use crate::settings::Settings;
 
 /// `g_normal`'s fourth word: twins of `shaders/common/gbuffer.wgsl`.
 const NOTHING: u32 = 0;
@@ -51,7 +52,7 @@ fn is_known(name: &str) -> bool {
 
 /// # Errors
 /// `Settings` for a name that no frame has.
-pub(super) fn check_names(names: &[String]) -> Result<()> {
+fn check_names(names: &[String]) -> Result<()> {
     match names.iter().find(|name| !is_known(name)) {
         None => Ok(()),
         Some(unknown) => Err(Error::Settings(format!(
@@ -62,6 +63,14 @@ pub(super) fn check_names(names: &[String]) -> Result<()> {
             NAMES.join(", ")
         ))),
     }
+}
+
+/// # Errors
+/// `Settings` for what no frame with these settings has.
+pub(super) fn check_asked(names: &[String], settings: &Settings) -> Result<()> {
+    check_names(names)?;
+    read_levels::check_names(names, settings)?;
+    read_lights::check_names(names, settings)
 }
 
 type Row = [u32; 4];

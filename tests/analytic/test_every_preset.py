@@ -42,7 +42,7 @@ MATERIALS = {
     "flat lobe": ml.Material((0.3, 0.3, 0.3), specular=(0.5, 0.5, 0.5), shininess=0),
     "nearly a mirror": ml.Material((0, 0, 0), specular=(1, 1, 1), shininess=10_000),
 }
-INDIRECT = ("splatting-2009", "radiosity-2009", "hierarchical-2009", "area-2016")
+INDIRECT = ("splatting-2009", "radiosity-2009", "hierarchical-2009")
 LOBES = ("lobe", "specular")
 PRESETS = sorted(name for name, preset in ml.presets().items() if preset is not None)
 

@@ -1,4 +1,4 @@
-"""The direct light of `area-2016` through the whole renderer: what it must equal, what its rules do, what it refuses."""
+"""`area-2016` through the whole renderer: what it must equal, what its rules do, what it refuses."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from tests.analytic.test_incremental import VIEW, _clutter, _grey, _lamp, _rende
 from tests.claim_scenes import CLAIMS
 from tests.fragment_rules import assert_partition, assert_reasons, assert_seen
 
-AREA = ml.Settings.preset("area-2016").replace(indirect="off")
+AREA = ml.Settings.preset("area-2016")
 BRUTE = ml.Settings.preset("brute-force").replace(light_samples=64, light_pattern="grid")
 LARGE = VIEW.replace(width=210, height=135)
 

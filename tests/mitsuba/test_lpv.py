@@ -20,7 +20,7 @@ def test_a_room_with_a_scan_has_the_energy_of_one_bounce(renderer: ml.Renderer, 
     for name, settings in {
         "default": LPV,
         "fine": LPV.replace(lpv_resolution=64, lpv_iterations=128),
-        "preset": ml.Settings.preset("area-2016").replace(direct="off"),
+        "preset": ml.Settings.preset("area-2016").replace(direct="off", indirect="lpv"),
         "faces": LPV.replace(lpv_transport="faces"),
         "paper": LPV.replace(lpv_injection="paper"),
     }.items():
