@@ -1,4 +1,4 @@
-"""The direct light of `area-2016` through the whole renderer: what it must equal, what its rules do, what it refuses."""
+"""The direct light of `area-2016` through the whole renderer: what it must equal, what its rules do."""
 
 from __future__ import annotations
 
