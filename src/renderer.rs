@@ -232,10 +232,8 @@ impl Renderer {
         let seen = state.seen.take();
         let rebuilt = recorder.host("upload", |gpu, _| state.sync(gpu, &prepared))?;
         let repainted = rebuilt.iter().any(|part| SURFACE_PARTS.contains(part));
-        let valid = Valid {
-            gbuffer: !repainted && seen == Some((view, state.placed.version())),
-            volume: state.volumes.placed(Asked::of(settings)).is_some(),
-        };
+        let gbuffer = !repainted && seen == Some((view, state.placed.version()));
+        let valid = Valid { gbuffer, volume: state.volumes.placed(Asked::of(settings)).is_some() };
         let plan = plan(SceneFacts::of(snapshot), settings, valid);
         let (kept, work) = state.passes(&mut recorder, &plan, &prepared, settings, view)?;
         let asked = work.evaluations.asked();
@@ -338,8 +336,7 @@ impl State {
         settings: &Settings,
         view: View,
     ) -> Result<(Kept, Work)> {
-        let (resources, scene, tracer) = (&mut self.resources, &self.scene, &self.tracer);
-        let volumes = &mut self.volumes;
+        let Self { resources, scene, tracer, volumes, .. } = self;
         let mut context = Context { recorder, resources, scene, tracer, prepared, settings, view, volumes, rays: 0 };
         let gbuffer = gbuffer::buffers(&mut context)?;
         context.scoped("geometry", |context| geometry(context, plan, &gbuffer))?;

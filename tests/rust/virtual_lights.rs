@@ -8,6 +8,7 @@ use miplight::error::Error;
 use miplight::gpu::{Gpu, Resources, never};
 use miplight::passes::lights::virtual_light::{Rsm, VirtualLight, VirtualLights, level_first};
 use miplight::passes::lights::{rsm_rays, rsm_tree, vpl_clusters, vpl_grid, vpl_importance};
+use miplight::passes::lpv::points::Kept;
 use miplight::passes::scene_buffers::SceneBuffers;
 use miplight::passes::visibility::placed::PlacedScene;
 use miplight::passes::visibility::trace::{Form, Tracer};
@@ -106,6 +107,7 @@ fn with_context<R>(
         prepared: &prepared,
         settings,
         view: View::zeroed(),
+        volumes: &mut Kept::default(),
         rays: 0,
     };
     let result = work(&mut context);

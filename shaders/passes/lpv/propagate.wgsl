@@ -8,7 +8,7 @@
 // In: flow of the last step, open faces. Out: that of this step. In and out: sum over the steps.
 
 import package::common::grid::{Grid, item_index};
-import package::common::lpv_volume::{LOBE, Volume, cell_beside, face_bit, limited};
+import package::common::lpv_volume::{LOBE, Volume, limited};
 
 struct PropagateParams {
     mean_of_mean: f32,
@@ -29,23 +29,17 @@ struct PropagateParams {
 @group(0) @binding(4) var<storage, read_write> next: array<vec4f>;
 @group(0) @binding(5) var<storage, read_write> total: array<vec4f>;
 
-// What arrives of `source` that flies along an axis, upwards or downwards.
-fn arrived(source: vec4f, axis: u32, up: bool) -> vec4f {
-    let sign = select(-1.0, 1.0, up);
-    let along = source[axis + 1u];
-    var to = params.across * source;
-    to.x = params.mean_of_mean * source.x + sign * params.mean_of_along * along;
-    to[axis + 1u] = sign * params.along_of_mean * source.x + params.along_of_along * along;
-    return to;
-}
-
-// What a closed face sends back of `own`: diffusely, all channels alike.
-fn sent_back(own: vec4f, axis: u32, up: bool) -> vec4f {
-    let sign = select(-1.0, 1.0, up);
-    var back = vec4f(0.0);
-    back.x = params.reflected * (params.mean_of_mean * own.x + sign * params.mean_of_along * own[axis + 1u]);
-    back[axis + 1u] = -sign * LOBE * back.x;
-    return back;
+// What comes to a cell along an axis, `unit` in its flow: of the light of the cells below and above it, zero where the face
+// is closed, and of its own that closed faces send back.
+fn along_axis(own: vec4f, below: vec4f, above: vec4f, closed: vec2f, unit: vec4f) -> vec4f {
+    let both = below + above;
+    let apart = below - above;
+    let mean = params.mean_of_mean * both.x + params.mean_of_along * dot(apart, unit);
+    let net = params.along_of_mean * apart.x + (params.along_of_along - params.across) * dot(both, unit);
+    // Diffusely, all channels alike.
+    let out_of = params.mean_of_mean * own.x + vec2f(-1.0, 1.0) * params.mean_of_along * dot(own, unit);
+    let back = params.reflected * closed * out_of;
+    return vec4f(mean + back.x + back.y, params.across * both.yzw) + unit * (net + LOBE * (back.x - back.y));
 }
 
 @compute @workgroup_size(64)
@@ -62,15 +56,15 @@ fn main(
     let mask = open[cell];
     let own = flow[i];
     var sum = vec4f(0.0);
-    for (var face = 0u; face < 6u; face++) {
-        let axis = face / 2u;
-        let up = (face & 1u) == 1u;
-        if (mask & face_bit(axis, up)) != 0u {
-            // What comes in through the upper face flies downwards.
-            sum += arrived(flow[i - cell + cell_beside(volume, cell, axis, up)], axis, !up);
-        } else {
-            sum += sent_back(own, axis, up);
-        }
+    let strides = vec3u(1u, volume.size.x, volume.size.x * volume.size.y);
+    for (var axis = 0u; axis < 3u; axis++) {
+        let bits = (vec2u(mask) >> (vec2u(2u * axis) + vec2u(0u, 1u))) & vec2u(1u);
+        let is_open = bits == vec2u(1u);
+        let step = select(vec2u(0u), vec2u(strides[axis]), is_open);
+        let below = select(vec4f(0.0), flow[i - step.x], is_open.x);
+        let above = select(vec4f(0.0), flow[i + step.y], is_open.y);
+        let unit = vec4f(vec4u(0u, 1u, 2u, 3u) == vec4u(axis + 1u));
+        sum += along_axis(own, below, above, select(vec2f(1.0), vec2f(0.0), is_open), unit);
     }
     let made = limited(sum, params.most);
     next[i] = made;

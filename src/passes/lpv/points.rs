@@ -275,3 +275,98 @@ fn cells(sides: &[(u32, LpvPoint)]) -> Vec<LpvCell> {
     }
     cells
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::scene::mesh::{Mesh, MeshInput};
+    use crate::scene::snapshot::{Instance, Snapshot};
+    use glam::{DMat4, DQuat};
+
+    const ASKED: Asked = Asked { samples: 500, resolution: 16, seed: 0, blocked: true };
+
+    /// Two triangles of 2 x 1 placed so.
+    fn placed(transforms: &[DMat4]) -> Prepared {
+        let positions = vec![DVec3::ZERO, 2.0 * DVec3::X, DVec3::new(2.0, 1.0, 0.0), DVec3::Y];
+        let input = MeshInput { positions, triangles: vec![[0, 1, 2], [0, 2, 3]], ..MeshInput::default() };
+        let mesh = Arc::new(Mesh::new("sheet", input).expect("two proper triangles"));
+        let instance = |world_from_object: &DMat4| Instance {
+            name: "sheet".into(),
+            mesh: Arc::clone(&mesh),
+            world_from_object: *world_from_object,
+            smooth: false,
+            albedo: Vec3::ONE,
+            texture: None,
+            vertex_colors: false,
+            lobe: [0.0; 4],
+        };
+        Prepared::new(&Snapshot { instances: transforms.iter().map(instance).collect(), ..Snapshot::default() })
+    }
+
+    fn sides(prepared: &Prepared) -> Vec<(u32, LpvPoint)> {
+        let volume = Volume::of(prepared, ASKED.resolution);
+        let met = vec![NOWHERE; 3 * volume.cells as usize];
+        Kept::default().sides(prepared, &Cells { volume, met }, ASKED)
+    }
+
+    fn area(sides: &[(u32, LpvPoint)], instance: u32) -> f64 {
+        sides.iter().filter(|(_, p)| p.instance == instance).map(|(_, p)| f64::from(p.area)).sum()
+    }
+
+    #[test]
+    fn each_mesh_has_points_by_its_area_in_the_scene() {
+        let stretched = DMat4::from_quat(DQuat::from_rotation_y(0.7)) * DMat4::from_scale(DVec3::new(3.0, 0.5, 9.0));
+        let small = DMat4::from_translation(DVec3::Z) * DMat4::from_scale(DVec3::splat(1e-3));
+        let sides = sides(&placed(&[DMat4::IDENTITY, stretched, small]));
+        // Both sides of 2, 3 and 2e-6.
+        for (instance, expected) in [4.0, 6.0, 4e-6].into_iter().enumerate() {
+            let found = area(&sides, instance as u32);
+            assert!((found / expected - 1.0).abs() < 1e-5, "{instance}: {found} instead of {expected}");
+        }
+        let counts = [0, 1, 2].map(|i| sides.iter().filter(|(_, p)| p.instance == i).count());
+        assert_eq!(counts, [400, 600, 2]);
+        assert!(sides.is_sorted_by_key(|(cell, _)| *cell));
+    }
+
+    #[test]
+    fn points_move_and_turn_with_their_mesh() {
+        let key = |sides: Vec<(u32, LpvPoint)>| {
+            let bits = |(_, p): &(u32, LpvPoint)| (p.triangle, p.u.to_bits(), p.v.to_bits(), p.area.to_bits());
+            let mut points: Vec<_> = sides.iter().map(bits).collect();
+            points.sort_unstable();
+            points
+        };
+        let still = key(sides(&placed(&[DMat4::IDENTITY])));
+        let turn = DQuat::from_euler(glam::EulerRot::XYZ, 0.3, 1.0, -2.0);
+        let turned = DMat4::from_rotation_translation(turn, DVec3::new(3.0, -7.0, 1.0));
+        assert_eq!(still, key(sides(&placed(&[turned]))));
+        let stretched = DMat4::from_scale(DVec3::new(1.0, 4.0, 1.0));
+        assert_ne!(still, key(sides(&placed(&[stretched]))));
+    }
+
+    #[test]
+    fn light_is_left_before_the_surface_and_before_what_stands_on_it() {
+        let prepared = placed(&[DMat4::IDENTITY]);
+        let volume = Volume::of(&prepared, ASKED.resolution);
+        let mut cells = Cells { volume, met: vec![NOWHERE; 3 * volume.cells as usize] };
+        let size = UVec3::from(volume.size);
+        let middle = |cell: u32| {
+            let at = UVec3::new(cell % size.x, cell / size.x % size.y, cell / (size.x * size.y));
+            Vec3::from(volume.corner) + (at.as_vec3() + 0.5) * volume.edge
+        };
+        let normals = [Vec3::Z, -Vec3::Z, Vec3::ONE.normalize(), Vec3::new(0.3, -1.0, 0.5).normalize()];
+        for (number, normal) in normals.into_iter().enumerate() {
+            let place = Vec3::new(0.013, 0.1, 0.02 * number as f32);
+            let before = middle(cells.cell_before(place, normal)) - place;
+            assert!(before.dot(normal) > 0.0 && before.length() < 2.0 * volume.edge, "{before} {normal}");
+        }
+        // A sheet between this cell and the lower one, 0.9 of the way up: what lies below it belongs to the lower one.
+        let cell = cells.cell_before(Vec3::ZERO, Vec3::Z);
+        let place = middle(cell) - Vec3::new(0.3 * volume.edge, 0.0, 0.55 * volume.edge);
+        assert_eq!(cells.cell_before(place, Vec3::Z), cell);
+        cells.met[cell as usize - 1] = 0.9;
+        assert_eq!(cells.cell_before(place, Vec3::Z), cell - 1);
+        cells.met[cell as usize - 1] = 0.6;
+        assert_eq!(cells.cell_before(place, Vec3::Z), cell);
+    }
+}
