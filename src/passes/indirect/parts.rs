@@ -52,8 +52,8 @@ mod tests {
 
     #[test]
     fn parts_hold_all_lights_once() {
-        assert_eq!(ranges(5).collect::<Vec<_>>(), [0..5]);
-        assert_eq!(ranges(0).collect::<Vec<_>>(), [0..0]);
+        assert!(ranges(5).eq(std::iter::once(0..5)));
+        assert!(ranges(0).eq(std::iter::once(0..0)));
         assert_eq!(ranges(AT_ONCE).count(), 1);
         assert_eq!(ranges(2 * AT_ONCE + 1).last(), Some(2 * AT_ONCE..2 * AT_ONCE + 1));
     }
