@@ -1,7 +1,7 @@
 """Studies: sweeps over any settings, with what they cost and how far they are off, and what each level does.
 
-`sweep` renders every combination of settings, one row a render; `pareto`, `plot` and `compare` look at what came
-of it. `levels_along`, `threshold_sweep` and `voxel_sweep` look into incremental refinement.
+`sweep` renders every combination of settings, one row a render; `pareto`, `plot` and `compare` look at what
+came of it. `levels_along`, `threshold_sweep` and `voxel_sweep` look into incremental refinement.
 """
 
 from __future__ import annotations

@@ -1,7 +1,7 @@
 """The file of a sweep: rows are appended as they come, and become a table when the sweep ends or is stopped.
 
-A Parquet file has its directory at its end and a CSV file its columns at its start, so neither takes rows whose
-passes are not known before. Until the end rows therefore go, a line of JSON each, to a file beside it,
+A Parquet file has its directory at its end and a CSV file its columns at its start, so neither takes rows
+whose passes are not known before. Until the end rows therefore go, a line of JSON each, to a file beside it,
 ``NAME.parquet.rows``. A process that dies leaves that file, of which at most the last line is cut short.
 """
 
@@ -16,7 +16,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, BinaryIO
 
 from .errors import SettingsError
-from .study_rows import TEXTS, Row, key_of, pandas_module, table
+from .study_rows import Row, key_of, pandas_module, parsed, table
 from .validate import fail
 
 if TYPE_CHECKING:
@@ -131,7 +131,7 @@ def load(path: str | os.PathLike[str]) -> Any:
 
 
 def _table_path(path: str | os.PathLike[str]) -> Path:
-    """The path with its suffix: that of a file which is there, else the best that can be written."""
+    """The path with its suffix: that of a file that is there, or the best that can be written."""
     target = Path(path)
     parquet = importlib.util.find_spec("pyarrow") is not None
     if not target.suffix:
@@ -142,8 +142,8 @@ def _table_path(path: str | os.PathLike[str]) -> Path:
         fail("path", str(path), f"a file name that ends in {' or '.join(SUFFIXES)}", SettingsError)
     if target.suffix == ".parquet" and not parquet:
         raise SettingsError(
-            f"path is {str(path)!r}, and Parquet needs pyarrow; allowed: a .csv file, or an installation with "
-            "the extra study, pip install miplight[study]"
+            f"path is {str(path)!r}, and Parquet needs pyarrow; allowed: a .csv file, or an installation "
+            "with the extra study, pip install miplight[study]"
         )
     return target
 
@@ -198,17 +198,17 @@ def _table_rows(path: Path) -> Iterator[Row]:
     pandas = pandas_module()
     try:
         if path.suffix == ".csv":
-            options = {"keep_default_na": False, "na_values": [""], "float_precision": "round_trip"}
-            # a name of digits stays a name, and so does a hash that looks like a number
-            found = pandas.read_csv(path, dtype=dict.fromkeys(TEXTS, str), **options)
+            # as text: numbers are then read to the last bit, and names of digits stay names
+            found = pandas.read_csv(path, dtype=str, keep_default_na=False)
         else:
             found = pandas.read_parquet(path, engine="pyarrow")
         if not {"point", "repeat"} <= set(found.columns):
             raise ValueError("no columns point and repeat")
+        for record in found.to_dict("records"):
+            row = record if path.suffix != ".csv" else {name: parsed(name, v) for name, v in record.items()}
+            yield {name: value for name, value in row.items() if not pandas.isna(value)}
     except ValueError as error:
         raise SettingsError(f"path is {str(path)!r}, which is no table of a sweep ({error})") from error
-    for record in found.to_dict("records"):
-        yield {name: value for name, value in record.items() if not pandas.isna(value)}
 
 
 def _write(frame: Any, path: Path, suffix: str) -> None:

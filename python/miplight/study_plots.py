@@ -36,8 +36,8 @@ def medians(df: Any) -> Any:
     Returns
     -------
     pandas.DataFrame
-        In the order of the first repeats, whose other values are kept. Repeats that failed do not count, unless
-        all did.
+        In the order of the first repeats, whose other values are kept. Repeats that failed do not count,
+        unless all did.
 
     Raises
     ------
@@ -89,7 +89,7 @@ def pareto(df: Any, time: str = "ms", error: str = "relative_rmse") -> Any:
 
 
 def _unbeaten(values: NDArray[np.float64]) -> NDArray[np.bool_]:
-    """Of (N, 2) times and errors, sorted by both: those with a lower error than all before, or equal in both."""
+    """Of sorted (N, 2) times and errors: a lower error than all before, or equal to the last one kept."""
     kept = np.zeros(len(values), np.bool_)
     best: NDArray[np.float64] | None = None
     for index, row in enumerate(values):
@@ -127,7 +127,9 @@ def plot(df: Any, ax: Axes | None = None, *, time: str = "ms", error: str = "rel
     rows = medians(df) if "point" in df.columns else df
     drawn = rows[(rows[time] > 0) & (rows[error] > 0) & np.isfinite(rows[error].astype("float64"))]
     if not len(drawn):
-        raise SettingsError(f"df has no row with {time} and {error} above zero; allowed: a sweep with a reference")
+        raise SettingsError(
+            f"df has no row with {time} and {error} above zero; allowed: a sweep with a reference"
+        )
     if ax is None:
         from matplotlib import pyplot as plt
 
@@ -139,9 +141,11 @@ def plot(df: Any, ax: Axes | None = None, *, time: str = "ms", error: str = "rel
         ax.plot(ordered[time], ordered[error], marker="o", alpha=0.8, label=label)
     front = pareto(drawn, time, error)
     # what no point reaches lies below the steps
-    ax.plot(front[time], front[error], "k--", drawstyle="steps-post", linewidth=1, label="Pareto front", zorder=1)
+    ax.plot(
+        front[time], front[error], "k--", drawstyle="steps-post", linewidth=1, label="Pareto front", zorder=1
+    )
     ax.set(xscale="log", yscale="log", xlabel=f"{time}, ms" if time != "ms" else "time, ms")
-    ax.set_ylabel(error.replace("_", " "))
+    ax.set_ylabel(error.replace("_", " ").replace("rmse", "RMSE"))
     ax.legend()
     return ax
 
@@ -162,8 +166,8 @@ def compare(frame: Frame, reference: AnyReference, exposure: float | None = None
     Returns
     -------
     matplotlib.figure.Figure
-        Four axes and a colour bar. The error is the mean over RGB of |I − R|, relative to the mean radiance of
-        the reference, over the pixels that see a surface which is no light.
+        Four axes and a colour bar. The error is the mean over RGB of |I − R|, relative to the mean radiance
+        of the reference, over the pixels that see a surface which is no light.
 
     Raises
     ------

@@ -46,8 +46,8 @@ class Point:
     camera, lights
         Names in the study.
     key
-        32 hexadecimal digits: a hash of the settings, the scene with its lights, the camera, the reference and
-        whether its first frame is thrown away.
+        32 hexadecimal digits: a hash of the settings, the scene with its lights, the camera, the reference
+        and whether its first frame is thrown away.
     """
 
     settings: Settings
@@ -203,7 +203,7 @@ def _names(given: Mapping[str, Any], known: dict[str, Any], make: Any, what: str
 
 def _differ(one: Any, other: Any) -> bool:
     if isinstance(one, Camera):
-        return one != other
+        return bool(one != other)
     view = Camera.look_at((0, 0, 1), (0, 0, 0), width=1, height=1)
     return content_key(one, view) != content_key(other, view)
 

@@ -20,14 +20,25 @@ if TYPE_CHECKING:
     from .frame import Frame
     from .study_points import Point, Study
 
-__all__ = ["TEXTS", "Renders", "Row", "failed", "key_of", "pandas_module", "rows_of", "table"]
+__all__ = ["Renders", "Row", "failed", "key_of", "pandas_module", "parsed", "rows_of", "table"]
 
 Row: TypeAlias = dict[str, Any]
 """Values by column; what is missing has no value in the table."""
 
 OUTPUTS = ("image", "fragments")
 ERRORS = ("relative_rmse", "untrimmed", "median", "energy")
-_NAMES = ("point", "preset", "camera", "lights", "error", "image_hash", "rebuilt", "adapter", "driver", "version")
+_NAMES = (
+    "point",
+    "preset",
+    "camera",
+    "lights",
+    "error",
+    "image_hash",
+    "rebuilt",
+    "adapter",
+    "driver",
+    "version",
+)
 _COUNTS = ("repeat", "width", "height")
 _MAYBE_COUNTS = ("fragments", "indirect_fragments", "rays", "light_evaluations")
 _TIMES = ("ms", "total_ms", "readback_ms")
@@ -78,7 +89,8 @@ class Renders:
     def rows(self, point: Point, repeats: Iterable[int]) -> Iterator[Row]:
         """Render a point once for each number of a repeat; what fails becomes the error of a row.
 
-        With more than one repeat in the study a first frame, which may have to build pipelines, is thrown away.
+        With more than one repeat in the study a first frame, which may have to build pipelines, is thrown
+        away.
         """
         error = ""
         warm = self._study.repeats == 1
@@ -191,8 +203,18 @@ def _kind(name: str) -> str:
     return "Int64" if name in _MAYBE_COUNTS else "float64"
 
 
-TEXTS = tuple(name for name in COLUMNS if _kind(name) == "object")
-"""Columns of text."""
+def parsed(name: str, text: str) -> str | int | float | None:
+    """The value of a column, of its text in a file; None if there is none.
+
+    Raises
+    ------
+    ValueError
+        If it is no number where one should be.
+    """
+    kind = _kind(name)
+    if not text:
+        return None
+    return text if kind == "object" else float(text) if kind == "float64" else int(text)
 
 
 def _aside(camera: Camera) -> Camera:

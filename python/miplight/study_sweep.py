@@ -48,8 +48,8 @@ def sweep(
     grid
         A dict from names to values, of which every combination is rendered: names of settings, ``"preset"``
         (by default ``["default"]``), ``"camera"`` (a dict of named cameras) and ``"lights"`` (a dict of named
-        lights, each anything that `miplight.render` takes; they replace those of the scene). A value that is no
-        list is one of one. Or `Settings`, or the name of a preset; or a list of all these.
+        lights, each anything that `miplight.render` takes; they replace those of the scene). A value that is
+        no list is one of one. Or `Settings`, or the name of a preset; or a list of all these.
     reference
         What errors are measured against: (H, W, 3) linear radiance or a `miplight.mitsuba.Reference`; or a
         dict of them by camera, by lights or by (camera, lights). None for no errors.
@@ -60,9 +60,9 @@ def sweep(
         A `dask.distributed.Client`: the points are spread over its workers, each with a renderer of its own.
         Workers that share a machine slow each other down: compare their times with care.
     path
-        A ``.parquet`` or ``.csv`` file, or a name without suffix (Parquet if pyarrow is installed). Rows are on
-        disk as soon as they are there, and a sweep that is started again with the same path renders what is
-        missing. See `miplight.study.load`.
+        A ``.parquet`` or ``.csv`` file, or a name without suffix (Parquet if pyarrow is installed). Rows are
+        on disk as soon as they are there, and a sweep that is started again with the same path renders what
+        is missing. See `miplight.study.load`.
     retry
         Render again what failed before, instead of keeping its row.
     adapter
@@ -75,12 +75,13 @@ def sweep(
     Returns
     -------
     pandas.DataFrame
-        A row a render, in the order of the grid: ``point`` (a hash of what the picture depends on), ``preset``,
+        A row a render, in the order of the grid: ``point`` (a hash of what the picture depends on),
+        ``preset``,
         ``camera``, ``lights``, ``repeat``, every setting by its name, and
 
         - ``error``: None, or why there is no picture or no error of it; the other points go on,
-        - ``relative_rmse`` (the worst 0.1 % of the pixels left out), ``untrimmed``, ``median``, ``energy``: as in
-          `miplight.testing.Comparison`,
+        - ``relative_rmse`` (the worst 0.1 % of the pixels left out), ``untrimmed``, ``median``, ``energy``:
+          as in `miplight.testing.Comparison`,
         - ``ms``: wall time with readback of image and fragments; ``total_ms``: without; ``readback_ms``;
           ``ms:<pass>``: of each pass,
         - ``fragments``, ``indirect_fragments``, ``rays``, ``light_evaluations``, ``rebuilt``, ``image_hash``,
@@ -101,8 +102,8 @@ def sweep(
     Notes
     -----
     Before each measured render the view is moved aside and back, so that nothing of the frame before is used
-    again but what a moving camera would use, too. Points are rendered in the order of the grid, the last setting
-    varying fastest, lights and cameras slowest.
+    again but what a moving camera would use, too. Points are rendered in the order of the grid, the last
+    setting varying fastest, lights and cameras slowest.
 
     Examples
     --------
@@ -127,7 +128,9 @@ def sweep(
     return table(rows)
 
 
-def _missing(journal: Journal, points: Sequence[Point], repeats: int, retry: bool) -> list[tuple[Point, list[int]]]:
+def _missing(
+    journal: Journal, points: Sequence[Point], repeats: int, retry: bool
+) -> list[tuple[Point, list[int]]]:
     """Points with the numbers of the repeats that the journal does not have."""
 
     def wanted(key: tuple[str, int]) -> bool:

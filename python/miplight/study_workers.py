@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import pickle
 import threading
+import warnings
 from collections.abc import Iterator, Sequence
 from typing import TYPE_CHECKING, Any
 
@@ -14,10 +16,10 @@ if TYPE_CHECKING:
 
 __all__ = ["spread"]
 
-# Tries at a point whose answer was lost, apart from those that Dask makes by itself.
-_TRIES = 5
+# Tries at a point whose workers died; Dask makes some of its own within each.
+_TRIES = 2
 
-# Of a worker process: its one set of renders, and whose turn it is. Threads would only disturb each other's times.
+# Of a worker process: its one set of renders, and whose turn it is: threads would disturb each other's times.
 _turn = threading.Lock()
 _kept: dict[str, Renders] = {}
 
@@ -25,7 +27,7 @@ _kept: dict[str, Renders] = {}
 def spread(client: Any, study: Study, todo: Sequence[tuple[Point, Sequence[int]]]) -> Iterator[list[Row]]:
     """Render on workers; the rows of each point as they arrive.
 
-    What all points share is sent to each worker once. A point whose worker died is done by another one; a point
+    What all points share is sent to each worker once. A point whose worker died is done by another one; one
     that has ended several workers becomes rows with an error.
 
     Raises
@@ -41,7 +43,9 @@ def spread(client: Any, study: Study, todo: Sequence[tuple[Point, Sequence[int]]
             "pip install miplight[study]"
         ) from error
     if not isinstance(client, distributed.Client) or client.asynchronous:
-        raise SettingsError(f"client is {client!r}; allowed: a dask.distributed.Client that is not asynchronous")
+        raise SettingsError(
+            f"client is {client!r}; allowed: a dask.distributed.Client that is not asynchronous"
+        )
     waiting = _Waiting(client, study)
     try:
         for point, repeats in todo:
@@ -49,11 +53,13 @@ def spread(client: Any, study: Study, todo: Sequence[tuple[Point, Sequence[int]]
         arriving = distributed.as_completed(list(waiting.futures))
         for future in arriving:
             point, repeats = waiting.futures.pop(future)
-            rows = _answer(future, study, point, repeats)
-            if rows is None:
+            rows, lost = _answer(future)
+            if rows is not None:
+                yield rows
+            elif waiting.tries[point.key] < _TRIES:
                 arriving.add(waiting.submit(point, repeats))
             else:
-                yield rows
+                yield [failed(study, point, repeat, lost) for repeat in repeats]
     finally:
         waiting.cancel()
 
@@ -63,44 +69,59 @@ class _Waiting:
 
     def __init__(self, client: Any, study: Study) -> None:
         self._client = client
-        self._study = study
-        self._sent: Any = None
-        self._tries: dict[str, int] = {}
+        self._token = study.token
+        self._pickled = pickle.dumps(study)
+        self._shared: Any = None
+        self.tries: dict[str, int] = {}
         self.futures: dict[Any, tuple[Point, Sequence[int]]] = {}
 
     def submit(self, point: Point, repeats: Sequence[int]) -> Any:
         """Hand out a point, for the first time or again."""
-        number = self._tries[point.key] = self._tries.get(point.key, 0) + 1
-        if number > _TRIES:
-            raise SettingsError(f"a point was lost by {_TRIES} workers; see the logs of the cluster")
-        if self._sent is None or self._sent.status != "finished":  # lost with the last worker that had it
-            self._sent = self._client.scatter(self._study, broadcast=True, hash=False)
-        key = f"miplight-{self._study.token}-{point.key}-{number}"
-        future = self._client.submit(_render, self._sent, point, list(repeats), key=key, pure=False)
+        number = self.tries[point.key] = self.tries.get(point.key, 0) + 1
+        key = f"miplight-{self._token}-{point.key}-{number}"
+        # what may have ended a worker comes last, so that it takes nothing else along
+        future = self._client.submit(
+            _render, self._study(), point, list(repeats), key=key, priority=1 - number, pure=False
+        )
         self.futures[future] = point, repeats
         return future
+
+    def _study(self) -> Any:
+        """The study on the cluster: made by a task, which is done again when all workers that had it died."""
+        if self._shared is None or self._shared.status not in ("pending", "finished"):
+            key = f"miplight-{self._token}-{len(self.tries)}-study"
+            with warnings.catch_warnings():
+                # large it is, and it is sent to each worker once
+                warnings.filterwarnings("ignore", message="Sending large graph")
+                self._shared = self._client.submit(pickle.loads, self._pickled, key=key, pure=False)
+        return self._shared
 
     def cancel(self) -> None:
         """Take back what nobody waits for any more."""
         if self.futures:
             self._client.cancel(list(self.futures), force=True)
         self.futures.clear()
-        self._sent = None
+        self._shared = None
 
 
-def _answer(future: Any, study: Study, point: Point, repeats: Sequence[int]) -> list[Row] | None:
-    """The rows of a point; None if they were lost on the way."""
+def _answer(future: Any) -> tuple[list[Row] | None, str]:
+    """The rows of a point; or None and why, if its workers died.
+
+    Raises
+    ------
+    Exception
+        If no worker could begin: it does not have a package, for instance.
+    """
     from distributed import KilledWorker
 
-    if future.status == "finished":
-        rows: list[Row] = future.result()
-        return rows
-    if future.status != "error":
-        return None
-    error = future.exception()
-    if not isinstance(error, KilledWorker):
-        raise error  # no worker could begin: a package that it does not have, for instance
-    return [failed(study, point, repeat, f"KilledWorker: {error}") for repeat in repeats]
+    try:
+        return future.result(), ""
+    except KilledWorker as error:
+        return None, f"KilledWorker: {error}"
+    except Exception as error:
+        if future.status == "error":
+            raise
+        return None, f"{type(error).__name__}: {error}"
 
 
 def _render(study: Study, point: Point, repeats: list[int]) -> list[Row]:
