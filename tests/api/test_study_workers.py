@@ -15,7 +15,7 @@ import pandas as pd
 import pytest
 
 import miplight as ml
-from miplight import study_workers
+from miplight import study_rows, study_workers
 
 distributed = pytest.importorskip("distributed")
 
@@ -104,16 +104,16 @@ def test_a_point_that_kills_workers_is_a_row(
     client: Any, room: ml.Scene, camera: ml.Camera, adapter: str
 ) -> None:
     def deadly() -> None:
-        inner = study_workers.Renders.rows
+        inner = study_rows.Renders.rows
 
         def rows(self: Any, point: Any, repeats: Any) -> Any:
             if point.settings.seed == 1:
                 os.kill(os.getpid(), signal.SIGKILL)
             return inner(self, point, repeats)
 
-        study_workers.Renders.rows = rows  # type: ignore[method-assign]
+        study_rows.Renders.rows = rows  # type: ignore[method-assign]
 
-    class Deadly(distributed.WorkerPlugin):  # type: ignore[misc]
+    class Deadly(distributed.WorkerPlugin):  # type: ignore[misc, name-defined]
         def setup(self, worker: Any) -> None:
             del worker
             deadly()
