@@ -78,7 +78,7 @@ def test_failures_are_rows_there_too(client: Any, room: ml.Scene, camera: ml.Cam
 def test_a_worker_that_dies_loses_nothing(
     client: Any, room: ml.Scene, camera: ml.Camera, adapter: str, tmp_path: Path
 ) -> None:
-    grid = {"preset": "brute-force", "light_samples": [4, 16], "seed": range(40)}
+    grid = {"preset": "brute-force", "light_samples": [4, 16], "seed": range(60)}
     here = ml.study.sweep(room, camera, grid, adapter=adapter)
     victim = sorted(client.run(os.getpid).values())[0]
     beside, killed = tmp_path / "s.csv.rows", threading.Event()
@@ -95,9 +95,9 @@ def test_a_worker_that_dies_loses_nothing(
     killer.join(10)
     assert killed.is_set()
     assert victim not in client.run(os.getpid).values()
-    assert len(there) == 80
+    assert len(there) == 120
     _same(there, here)
-    assert len(ml.study.load(tmp_path / "s.csv")) == 80, "nothing is there twice"
+    assert len(ml.study.load(tmp_path / "s.csv")) == 120, "nothing is there twice"
 
 
 def test_a_point_that_kills_workers_is_a_row(
