@@ -16,9 +16,6 @@ if TYPE_CHECKING:
 
 __all__ = ["spread"]
 
-# Tries at a point whose workers died; Dask makes some of its own within each.
-_TRIES = 2
-
 # Of a worker process: its one set of renders, and whose turn it is: threads would disturb each other's times.
 _turn = threading.Lock()
 _kept: dict[str, Renders] = {}
@@ -47,19 +44,23 @@ def spread(client: Any, study: Study, todo: Sequence[tuple[Point, Sequence[int]]
             f"client is {client!r}; allowed: a dask.distributed.Client that is not asynchronous"
         )
     waiting = _Waiting(client, study)
+    suspects: list[tuple[Point, Sequence[int]]] = []
     try:
         for point, repeats in todo:
             waiting.submit(point, repeats)
-        arriving = distributed.as_completed(list(waiting.futures))
-        for future in arriving:
-            point, repeats = waiting.futures.pop(future)
-            rows, lost = _answer(future)
-            if rows is not None:
-                yield rows
-            elif waiting.tries[point.key] < _TRIES:
-                arriving.add(waiting.submit(point, repeats))
+        for future in distributed.as_completed(list(waiting.futures)):
+            task = waiting.futures.pop(future)
+            rows, _ = _answer(future)
+            if rows is None:
+                suspects.append(task)
             else:
-                yield [failed(study, point, repeat, lost) for repeat in repeats]
+                yield rows
+        # one that ends its worker takes along what waits there: alone, each shows whether it was the one
+        for point, repeats in suspects:
+            future = waiting.submit(point, repeats)
+            rows, lost = _answer(future)
+            del waiting.futures[future]
+            yield rows or [failed(study, point, repeat, lost) for repeat in repeats]
     finally:
         waiting.cancel()
 
@@ -72,16 +73,13 @@ class _Waiting:
         self._token = study.token
         self._pickled = pickle.dumps(study)
         self._shared: Any = None
-        self.tries: dict[str, int] = {}
+        self._number = 0
         self.futures: dict[Any, tuple[Point, Sequence[int]]] = {}
 
     def submit(self, point: Point, repeats: Sequence[int]) -> Any:
         """Hand out a point, for the first time or again."""
-        number = self.tries[point.key] = self.tries.get(point.key, 0) + 1
-        key = f"miplight-{self._token}-{point.key}-{number}"
-        # what may have ended a worker comes last, so that it takes nothing else along
         future = self._client.submit(
-            _render, self._study(), point, list(repeats), key=key, priority=1 - number, pure=False
+            _render, self._study(), point, list(repeats), key=self._key("point"), pure=False
         )
         self.futures[future] = point, repeats
         return future
@@ -89,12 +87,18 @@ class _Waiting:
     def _study(self) -> Any:
         """The study on the cluster: made by a task, which is done again when all workers that had it died."""
         if self._shared is None or self._shared.status not in ("pending", "finished"):
-            key = f"miplight-{self._token}-{len(self.tries)}-study"
             with warnings.catch_warnings():
                 # large it is, and it is sent to each worker once
                 warnings.filterwarnings("ignore", message="Sending large graph")
-                self._shared = self._client.submit(pickle.loads, self._pickled, key=key, pure=False)
+                self._shared = self._client.submit(
+                    pickle.loads, self._pickled, key=self._key("study"), pure=False
+                )
         return self._shared
+
+    def _key(self, what: str) -> str:
+        """A name that no other task has had."""
+        self._number += 1
+        return f"miplight-{what}-{self._token}-{self._number}"
 
     def cancel(self) -> None:
         """Take back what nobody waits for any more."""
