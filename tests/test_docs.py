@@ -10,6 +10,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from matplotlib import pyplot as plt
 
 import miplight as ml
 
@@ -31,15 +32,27 @@ def test_examples_in_docstrings(name: str, tmp_path: Path, monkeypatch: pytest.M
     assert result.failed == 0
 
 
-def test_the_readme_s_example(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def _small(block: str) -> str:
+    """A block of the README with less to render."""
+    sizes = {"width=512, height=512": "width=64, height=64", "spp=1024": "spp=16", "repeats=5": "repeats=2"}
+    for large, small in sizes.items():
+        block = block.replace(large, small)
+    return block
+
+
+@pytest.mark.mitsuba
+def test_the_readme_s_examples(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     text = (ROOT / "README.md").read_text()
     blocks = re.findall(r"```python\n(.*?)```", text, re.DOTALL)
-    assert len(blocks) == 1
+    assert len(blocks) == 2
     monkeypatch.chdir(tmp_path)
     names: dict[str, object] = {}
-    exec(blocks[0].replace("width=512, height=512", "width=64, height=64"), names)
+    exec(_small(blocks[0]), names)
     frame = names["frame"]
     assert isinstance(frame, ml.Frame)
     assert np.isfinite(frame.image).all()
     assert frame.image.any()
     assert (tmp_path / "ball.png").is_file()
+    exec(_small(blocks[1]), names)
+    assert len(ml.study.load(tmp_path / "sweep.parquet")) == 12
+    plt.close("all")

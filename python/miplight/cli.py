@@ -150,22 +150,67 @@ def compare(
         _write_reference(out / "mitsuba.png", reference.mean, stops)
 
 
-@main.command(context_settings={"ignore_unknown_options": True})
-@click.argument("arguments", nargs=-1)
-def study(arguments: tuple[str, ...]) -> None:
-    """Sweep settings and tabulate error against time (not available yet)."""
-    del arguments
-    raise SettingsError("miplight study is not available yet; render in a loop over Settings.replace")
+@main.command()
+@click.argument("source", type=click.Path(path_type=Path))
+@click.argument("target", type=click.Path(path_type=Path))
+@click.option("--preset", "presets", multiple=True, help="Where the settings start from; repeatable.")
+@click.option(
+    "--set", "changes", multiple=True, metavar="NAME=VALUE,...", help="Values of a setting; repeatable."
+)
+@click.option("--repeats", default=3, show_default=True, help="Measured renders of each combination.")
+@click.option("--spp", default=0, help="Samples of a reference of direct light by Mitsuba; none without.")
+@_size
+@_camera
+@_adapter
+def study(
+    source: Path,
+    target: Path,
+    presets: tuple[str, ...],
+    changes: tuple[str, ...],
+    repeats: int,
+    spp: int,
+    size: tuple[int, int] | None,
+    camera: str | None,
+    adapter: str,
+) -> None:
+    """Render SOURCE with every combination of settings; times and errors go to TARGET (.parquet or .csv).
+
+    Started again with the same TARGET it renders what is missing. With a reference a plot goes beside it.
+    """
+    from . import mitsuba
+    from . import study as studies
+
+    grid: dict[str, Any] = {"preset": list(presets or ("default",))}
+    for name, text in (_assigned(change) for change in changes):
+        grid[name] = [_number_or_text(word) for word in text.split(",")]
+    scene, view = _load(source, camera, size)
+    reference = mitsuba.reference(scene, view, spp=spp, part="direct") if spp else None
+    table = studies.sweep(scene, view, grid, reference, repeats, path=target, adapter=adapter)
+    joined = studies.medians(table)
+    varied = [name for name in grid if joined[name].nunique() > 1]
+    shown = [*varied, "ms", "fragments", "rays", *(["relative_rmse"] if spp else [])]
+    if joined["error"].notna().any():
+        shown.append("error")
+    click.echo(joined[shown].to_string(index=False))
+    if spp and joined["relative_rmse"].notna().any():
+        from matplotlib.figure import Figure
+
+        figure, picture = Figure(layout="constrained"), target.with_suffix(".png")
+        studies.plot(table, figure.add_subplot())
+        figure.savefig(picture)
+        click.echo(picture.resolve())
 
 
 def _settings(preset: str, changes: tuple[str, ...]) -> Settings:
-    values: dict[str, Any] = {}
-    for change in changes:
-        name, equals, text = change.partition("=")
-        if not equals:
-            raise SettingsError(f"--set is {change!r}; allowed: NAME=VALUE")
-        values[name] = _number_or_text(text)
+    values = {name: _number_or_text(text) for name, text in map(_assigned, changes)}
     return Settings.preset(preset).replace(**values)
+
+
+def _assigned(change: str) -> tuple[str, str]:
+    name, equals, text = change.partition("=")
+    if not equals:
+        raise SettingsError(f"--set is {change!r}; allowed: NAME=VALUE")
+    return name, text
 
 
 def _number_or_text(text: str) -> int | float | str | None:

@@ -18,6 +18,7 @@ from .errors import SettingsError
 from .fragments import Reason
 from .renderer import Renderer
 from .settings import Settings
+from .study_rows import pandas_module
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -35,16 +36,6 @@ CAUSE_COLORS = {
     "light": (0.8, 0.1, 0.1),
 }
 """Colours of the masks: not looked at, a fragment, split by geometry, split by illumination or visibility."""
-
-
-def _pandas() -> Any:
-    try:
-        import pandas
-    except ImportError as error:
-        raise SettingsError(
-            "tables need pandas; allowed: an installation with the extra study, pip install miplight[study]"
-        ) from error
-    return pandas
 
 
 def _incremental(settings: Settings | str) -> Settings:
@@ -101,7 +92,7 @@ def levels_along(
     SettingsError
         If nothing is refined level by level, or pandas is not installed.
     """
-    pandas, made, path = _pandas(), _incremental(settings), list(cameras)
+    pandas, made, path = pandas_module(), _incremental(settings), list(cameras)
     rows: list[dict[str, float]] = []
     with _renderer(renderer) as used:
         if path:
@@ -213,7 +204,7 @@ def _sweep(
     repeats: int,
     renderer: Renderer | None,
 ) -> Any:
-    pandas = _pandas()
+    pandas = pandas_module()
     rows = []
     with _renderer(renderer) as used:
         if reference is None:

@@ -79,8 +79,9 @@ def test_render_suits_any_scale(tmp_path: Path, scale: float, adapter: str) -> N
         (("render", "BALL", "x.png", "--camera", "front"), "front"),
         (("render", "BALL", "x.png", "--size", "0", "4"), "width"),
         (("render", "BALL", "x.png", "--adapter", "nonesuch"), "nonesuch"),
-        (("study",), "not available yet"),
-        (("study", "--grid", "x"), "not available yet"),
+        (("study", "BALL", "x.txt"), ".parquet"),
+        (("study", "BALL", "x.csv", "--set", "light_sample=4,8"), "did you mean 'light_samples'"),
+        (("study", "BALL", "x.csv", "--set", "light_samples=4,-8"), "-8"),
     ],
 )
 def test_mistakes_end_with_one_line(
@@ -92,6 +93,28 @@ def test_mistakes_end_with_one_line(
     assert part in result.output
     assert "Traceback" not in result.output
     assert not (ball.parent / "x.png").exists()
+
+
+def test_study_tabulates_every_combination(ball: Path, tmp_path: Path, adapter: str) -> None:
+    target = tmp_path / "table.csv"
+    options = ("--size", 24, 24, "--preset", "brute-force", "--preset", "default", "--repeats", 2)
+    result = _run("study", ball, target, *options, "--set", "light_samples=4,16", "--adapter", adapter)
+    assert result.exit_code == 0, result.output
+    assert [len(line.split()) for line in result.output.splitlines()] == [5] * 5
+    table = ml.study.load(target)
+    assert len(table) == 8
+    assert table["error"].isna().all()
+    assert set(table["light_samples"]) == {4, 16}
+
+
+@pytest.mark.mitsuba
+def test_study_draws_errors_against_a_reference(ball: Path, tmp_path: Path, adapter: str) -> None:
+    options = ("--size", 24, 24, "--preset", "brute-force", "--set", "light_samples=4,256", "--spp", 256)
+    result = _run("study", ball, tmp_path / "table.csv", *options, "--adapter", adapter)
+    assert result.exit_code == 0, result.output
+    assert (tmp_path / "table.png").is_file()
+    coarse, fine = ml.study.medians(ml.study.load(tmp_path / "table.csv"))["relative_rmse"]
+    assert fine < coarse
 
 
 def test_demo(tmp_path: Path, adapter: str) -> None:
