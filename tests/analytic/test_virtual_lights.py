@@ -301,3 +301,20 @@ def test_maps_that_do_not_fit_are_refused(renderer: ml.Renderer) -> None:
         scene.add_light(ml.SpotLight((0, 2, k / 1000), (0, 0, 0), (1, 1, 1), cutoff=30))
     with pytest.raises(ml.SettingsError, match=f"rsm_resolution=1024 .* {maps} reflective shadow maps"):
         renderer.render(scene, camera, _settings(indirect="hierarchical", rsm_resolution=1024))
+
+
+def test_rays_know_the_parts_of_long_lists(renderer: ml.Renderer) -> None:
+    """A list that is summed up in parts is seen like the same light in one part."""
+    place = _room(32)
+    seen = {}
+    for count in (16_384, 65_536):
+        settings = _settings(indirect="gather", form_factor="quad", vpls=count)
+        off, on = (
+            _light(renderer, place, settings.replace(indirect_visibility=how, indirect_rays=64))
+            for how in ("off", "on")
+        )
+        mask = off.surface_mask
+        seen[count] = on.indirect[mask].mean() / off.indirect[mask].mean()
+    print(seen)
+    assert 0.5 < seen[16_384] < 0.98
+    assert seen[65_536] == pytest.approx(seen[16_384], rel=0.02)

@@ -95,9 +95,11 @@ impl CutParams {
     /// One for each part.
     pub fn each(self) -> impl Iterator<Item = Self> {
         let below = ((1_usize << (2 * (self.finest - self.coarsest + 1))) - 1) / 3;
-        let len = if self.threshold < EVERYTHING { MOST_VISITS / below } else { AT_ONCE };
-        let parts = parts::ranges_of(self.roots as usize, len).count() as u32;
-        parts::ranges_of(self.roots as usize, len).enumerate().map(move |(part, range)| Self {
+        // A list has nothing below it: its parts are those that it was summed up in.
+        let deep = self.finest > self.coarsest && self.threshold < EVERYTHING;
+        let ranges = parts::ranges_of(self.roots as usize, if deep { MOST_VISITS / below } else { AT_ONCE });
+        let parts = ranges.clone().count() as u32;
+        ranges.enumerate().map(move |(part, range)| Self {
             first_root: range.start as u32,
             roots: range.end as u32,
             part: part as u32,
@@ -124,8 +126,8 @@ pub fn lanes(context: &Context<'_, '_>) -> usize {
 }
 
 /// Irradiance of `count` receivers at the places that their `pixel` says; nodes that were evaluated are added to
-/// `evaluations`: the lowest byte of each receiver's number to the first word, the rest of it to the second. Returns what each thread of
-/// a receiver, or each part of the coarsest level, has of the irradiance.
+/// `evaluations`: the lowest byte of each receiver's number to the first word, the rest of it to the second. Returns what
+/// each thread of a receiver, or each part of the coarsest level, has of the irradiance.
 ///
 /// # Errors
 /// Those of the device; `Cancelled`.

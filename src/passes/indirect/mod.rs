@@ -1,5 +1,6 @@
-//! Indirect light: from virtual lights, from a propagation volume, or by a final gather, stratified hemisphere rays from every pixel, whose hits are
-//! lit by the lights and may go on as paths, worked on in waves of whole tiles and ranges of strata.
+//! Indirect light: from virtual lights, from a propagation volume, or by a final gather, stratified hemisphere rays from
+//! every pixel, whose hits are lit by the lights and may go on as paths, worked on in waves of whole tiles and ranges of
+//! strata.
 
 pub mod gather_hits;
 pub mod gather_rays;

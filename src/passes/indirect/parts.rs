@@ -18,12 +18,12 @@ pub struct Parts {
 }
 
 /// The parts of so many virtual lights; of none one.
-pub fn ranges(lights: usize) -> impl Iterator<Item = Range<usize>> {
+pub fn ranges(lights: usize) -> impl Iterator<Item = Range<usize>> + Clone {
     ranges_of(lights, AT_ONCE)
 }
 
 /// The same, `len` in each.
-pub fn ranges_of(lights: usize, len: usize) -> impl Iterator<Item = Range<usize>> {
+pub fn ranges_of(lights: usize, len: usize) -> impl Iterator<Item = Range<usize>> + Clone {
     (0..lights.max(1)).step_by(len.max(1)).map(move |first| first..(first + len).min(lights))
 }
 
