@@ -25,7 +25,7 @@ import miplight as ml
 from bounds import Parts, Row, main, row
 from tests.claim_scenes import CLAIMS, available
 
-INSIDE = ml.Settings.preset("area-2016")
+INSIDE = ml.Settings.preset("area-2016").replace(indirect="off")
 AROUND = INSIDE.replace(
     refine="incremental",
     interleave=1,

@@ -107,7 +107,7 @@ def level_by_level(renderer: ml.Renderer) -> str:
 def inside_fragments(renderer: ml.Renderer) -> str:
     """Write fragments and extra samples of `area-2016`, and what interpolation leaves; return its times."""
     job = demo.spot_in_a_room(2 * SIZE, 2 * SIZE)
-    settings = ml.Settings.preset("area-2016")
+    settings = ml.Settings.preset("area-2016").replace(indirect="off")
     exact = ml.Settings.preset("brute-force").replace(light_samples=1024)
     wanted = renderer.render(job.scene, job.camera, exact, outputs=("direct",)).direct
     frame = renderer.render(job.scene, job.camera, settings, keep=("stable_map", "extra_map"))

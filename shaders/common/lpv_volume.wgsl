@@ -12,6 +12,9 @@ struct Volume {
 const Y0: f32 = 0.28209479;
 // What a flux of 1 about a normal has along it, over what it has in the mean: a clamped cosine in two bands.
 const LOBE: f32 = 1.15470054;
+const ROOT3: f32 = 1.73205081;
+// Light below this is none.
+const FAINTEST: f32 = 1e-30;
 // How far in front of a surface, in half cells as wide as they are along its normal, its light is left and looked up: the
 // middle of the cell there lies clear of the surface however the grid does.
 const CLEAR: f32 = 1.1;
@@ -37,9 +40,13 @@ fn face_bit(axis: u32, up: bool) -> u32 {
     return 1u << (2u * axis + select(0u, 1u, up));
 }
 
+// Net flow as a share of all light. Light may be so faint that squares of it vanish.
+fn net_flow(flow: vec4f) -> f32 {
+    return length(flow.yzw / max(flow.x, FAINTEST)) / ROOT3;
+}
+
 // No more of the light may go one way than `most` of all of it: the net flow is shortened.
 fn limited(flow: vec4f, most: f32) -> vec4f {
-    let net = length(flow.yzw);
-    let allowed = 1.7320508 * most * max(flow.x, 0.0);
-    return vec4f(flow.x, flow.yzw * select(1.0, allowed / net, net > allowed));
+    let net = net_flow(flow);
+    return vec4f(flow.x, flow.yzw * select(1.0, most / net, net > most));
 }

@@ -24,7 +24,7 @@ pub(super) const LPV: &[Spec] = &[
         ..int(
             "lpv_resolution",
             [16, 128],
-            32,
+            24,
             "Cells along the longest edge of the scene, one of margin at each end with them; along the others as many as \
              are needed.",
             "[KD10]",
@@ -34,7 +34,7 @@ pub(super) const LPV: &[Spec] = &[
         "lpv_iterations",
         [0, 1024],
         64,
-        "Steps of light from cell to cell: twice the resolution crosses the scene.",
+        "Steps of light from cell to cell: light along an axis takes two a cell; three times the resolution for all of it.",
         "[KD10 Sec. 3.5]",
     ),
     choice(
@@ -48,19 +48,20 @@ pub(super) const LPV: &[Spec] = &[
     ),
     choice(
         "lpv_transport",
-        &["directions", "faces"],
-        &["directions", "faces"],
-        "directions",
-        "How light goes on: in the directions in which it flies, or from each face of a cell as a clamped cosine, as is \
-         usual, which is dark a few cells away from what reflects.",
+        &["sides", "together", "faces"],
+        &["sides", "together", "faces"],
+        "sides",
+        "How light goes on: as a lobe about its net flow, that of the surfaces of each of six sides by itself, so that it \
+         never comes back to them; all together, in a quarter of the time; or from each face of a cell as a clamped \
+         cosine, as is usual, which is dark a few cells away from what reflects.",
         "[KD10 Sec. 3.5]",
     ),
     share(
         "lpv_most_flow",
         true,
-        0.8,
+        0.75,
         "Net flow of light at most, as a share of all light of a cell: 1 lets it be a beam, 2/3 a clamped cosine; smaller \
-         values are smoother and carry less far.",
+         values are smoother and carry less far, larger ones leave streaks in 24 directions.",
         "[KD10]",
     ),
     share(

@@ -78,6 +78,7 @@ pub const PRESETS: &[(&str, Option<Changes>)] = &[
             ("interleave", Default::Int(2)),
             ("bit_threshold", Default::Int(1)),
             ("upsample", Default::Text("rbf")),
+            ("indirect", Default::Text("lpv")),
         ]),
     ),
     ("brute-force", Some(&[])),

@@ -42,8 +42,9 @@ MATERIALS = {
     "flat lobe": ml.Material((0.3, 0.3, 0.3), specular=(0.5, 0.5, 0.5), shininess=0),
     "nearly a mirror": ml.Material((0, 0, 0), specular=(1, 1, 1), shininess=10_000),
 }
-INDIRECT = ("splatting-2009", "radiosity-2009", "hierarchical-2009")
+INDIRECT = ("splatting-2009", "radiosity-2009", "hierarchical-2009", "area-2016")
 LOBES = ("lobe", "specular")
+SMALL_VOLUME = {"lpv_samples": 512, "lpv_rays": 4, "lpv_resolution": 16, "lpv_iterations": 8}
 PRESETS = sorted(name for name, preset in ml.presets().items() if preset is not None)
 
 
@@ -66,7 +67,7 @@ def _scene(lights: list[ml.AreaLight | ml.SpotLight], material: ml.Material) -> 
 @pytest.mark.parametrize("visibility", ["ray", "voxel", "shadow-map", "none"])
 @pytest.mark.parametrize("light", LIGHTS)
 def test_the_matrix(renderer: ml.Renderer, preset: str, visibility: str, light: str) -> None:
-    settings = ml.Settings.preset(preset).replace(visibility=visibility, light_samples=16)
+    settings = ml.Settings.preset(preset).replace(visibility=visibility, light_samples=16, **SMALL_VOLUME)
     refused = preset == "default" and visibility in ("voxel", "shadow-map")
     for material in MATERIALS:
         scene = _scene(LIGHTS[light], MATERIALS[material])

@@ -19,16 +19,20 @@ def test_a_room_with_a_scan_has_the_energy_of_one_bounce(renderer: ml.Renderer, 
     errors = {}
     for name, settings in {
         "default": LPV,
-        "fine": LPV.replace(lpv_resolution=64, lpv_iterations=128),
-        "preset": ml.Settings.preset("area-2016").replace(direct="off", indirect="lpv"),
+        "coarse": LPV.replace(lpv_resolution=16, lpv_iterations=48),
+        "fine": LPV.replace(lpv_resolution=32, lpv_iterations=80),
+        "preset": ml.Settings.preset("area-2016").replace(direct="off"),
+        "together": LPV.replace(lpv_transport="together"),
         "faces": LPV.replace(lpv_transport="faces"),
         "paper": LPV.replace(lpv_injection="paper"),
     }.items():
         errors[name] = ml.testing.compare(renderer.render(*place, settings), stored)
         print(f"{reference} {name}: {errors[name]}")
-    for name in ("default", "fine", "preset"):
+    for name in ("default", "coarse", "fine", "preset", "together"):
         assert abs(errors[name].energy) < 0.25, name
         assert errors[name].relative_rmse < 0.55, name
+    assert errors["default"].relative_rmse < (0.4 if reference == "spot_indirect" else 0.22)
+    assert errors["default"].relative_rmse < 0.85 * errors["together"].relative_rmse, "sides that do not light themselves"
     assert errors["faces"].relative_rmse > 1.0
     # negative control: what division by the number of samples leaves depends on the grid
     if reference == "spot_indirect":

@@ -11,10 +11,9 @@ import package::common::lpv_volume::{LOBE, Volume, Y0, limited};
 override SHARED: u32 = 0u;
 
 struct InjectParams {
+    side: vec3f,        // way that surfaces face, of one of six flows: the light of each surface is split by the squares of its
+                        // normal; 0: all
     most: f32,          // largest net flow, as a share
-    pad0: u32,
-    pad1: u32,
-    pad2: u32,
 }
 
 @group(0) @binding(30) var<uniform> grid: Grid;
@@ -38,7 +37,9 @@ fn main(
     let held = cells[i];
     var sum = mat3x4f();
     for (var p = held.first; p < held.first + held.count; p++) {
-        let flux = radiosity[p].xyz * select(points[p].area, volume.edge * volume.edge / f32(held.count), SHARED == 1u);
+        let facing = max(dot(points[p].normal, params.side), 0.0);
+        let part = select(facing * facing, 1.0, all(params.side == vec3f(0.0)));
+        let flux = part * radiosity[p].xyz * select(points[p].area, volume.edge * volume.edge / f32(held.count), SHARED == 1u);
         // Intensity flux / pi times the clamped cosine.
         let lobe = Y0 * vec4f(1.0, LOBE * points[p].normal);
         sum += mat3x4f(flux.x * lobe, flux.y * lobe, flux.z * lobe);

@@ -7,20 +7,21 @@ import package::common::ray::Receiver;
 import package::common::receiver::INACTIVE;
 
 struct LookUpParams {
-    mean: f32,          // irradiance of a unit of each coefficient
-    along: f32,
+    scale: f32,         // irradiance of a unit of mean that left through a face
     pad0: u32,
     pad1: u32,
+    pad2: u32,
 }
 
 @group(0) @binding(30) var<uniform> grid: Grid;
 @group(0) @binding(0) var<uniform> volume: Volume;
 @group(0) @binding(1) var<uniform> params: LookUpParams;
 @group(0) @binding(2) var<storage, read> receivers: array<Receiver>;
-@group(0) @binding(3) var<storage, read> total: array<vec4f>;
-@group(0) @binding(4) var<storage, read> open: array<u32>;
-@group(0) @binding(5) var<storage, read> met: array<f32>;
-@group(0) @binding(6) var<storage, read_write> irradiance: array<vec4f>;
+@group(0) @binding(3) var<storage, read> passed_lower: array<vec4f>;
+@group(0) @binding(4) var<storage, read> passed_upper: array<vec4f>;
+@group(0) @binding(5) var<storage, read> open: array<u32>;
+@group(0) @binding(6) var<storage, read> met: array<f32>;
+@group(0) @binding(7) var<storage, read_write> irradiance: array<vec4f>;
 
 // Share of the own cell by its distance from the receiver's plane, at least.
 const LEAST: f32 = 0.05;
@@ -72,6 +73,15 @@ fn share_of(r: Receiver, away: vec3f, own: vec3u, mask: u32, beside: vec3<bool>)
     return share;
 }
 
+// What falls on a surface of normal n of what left through a cell's lower and upper faces. What falls on its two sides is
+// apart by the net flow along n, and together about the faces' mean by the squares of n. It is no less than what the
+// faces' own weighted by those squares are, and no more than if all of it came against n.
+fn towards(n: vec3f, lower: vec3f, upper: vec3f) -> f32 {
+    let falling = max(select(upper, lower, n > vec3f(0.0)), vec3f(0.0));
+    let sides = dot(n, lower - upper) + dot(n * n, lower + upper);
+    return clamp(0.5 * sides, dot(n * n, falling), dot(abs(n), falling));
+}
+
 @compute @workgroup_size(64)
 fn main(
     @builtin(workgroup_id) group: vec3u,
@@ -87,7 +97,8 @@ fn main(
     let own = seen_from(place);
     let away = place - (vec3f(own) + 0.5);
     let mask = open[cell_number(volume, own)];
-    var sum = mat3x4f();
+    var lower = mat3x3f();
+    var upper = mat3x3f();
     var shares = 0.0;
     for (var corner = 0u; corner < 8u; corner++) {
         let beside = vec3<bool>((corner & 1u) != 0u, (corner & 2u) != 0u, (corner & 4u) != 0u);
@@ -97,12 +108,13 @@ fn main(
             let cell = cell_number(volume, vec3u(vec3i(own) + step));
             shares += share;
             for (var channel = 0u; channel < 3u; channel++) {
-                sum[channel] += share * total[channel * volume.cells + cell];
+                let i = channel * volume.cells + cell;
+                lower[channel] += share * passed_lower[i].xyz;
+                upper[channel] += share * passed_upper[i].xyz;
             }
         }
     }
-    // Light arrives against the normal.
-    let facing = vec4f(params.mean, -params.along * r.normal_shade);
-    let found = vec3f(dot(sum[0], facing), dot(sum[1], facing), dot(sum[2], facing)) / max(shares, 1e-6);
-    irradiance[r.pixel] = vec4f(max(found, vec3f(0.0)), 0.0);
+    let n = r.normal_shade;
+    let found = vec3f(towards(n, lower[0], upper[0]), towards(n, lower[1], upper[1]), towards(n, lower[2], upper[2]));
+    irradiance[r.pixel] = vec4f(found * params.scale / max(shares, 1e-6), 0.0);
 }

@@ -1,6 +1,7 @@
 //! What surface samples reflect, left in the cells before them.
 
 use bytemuck::{Pod, Zeroable};
+use glam::IVec3;
 
 use super::points::Placed;
 use super::{Flow, most};
@@ -12,17 +13,13 @@ use crate::passes::Context;
 #[repr(C)]
 #[derive(Debug, Clone, Copy, Pod, Zeroable)]
 pub struct InjectParams {
+    /// Way that surfaces face whose light it is; 0: all.
+    pub side: [f32; 3],
     /// Largest net flow, as a share.
     pub most: f32,
-    /// Unused.
-    pub pad0: u32,
-    /// Unused.
-    pub pad1: u32,
-    /// Unused.
-    pub pad2: u32,
 }
 
-/// Fills `flow` with what the points reflect.
+/// Fills `flow` with what the points reflect: all of it, or the part of surfaces that face one way.
 ///
 /// # Errors
 /// Those of the device.
@@ -30,6 +27,7 @@ pub(super) fn record(
     context: &mut Context<'_, '_>,
     placed: &Placed,
     radiosity: &Buffer<[f32; 4]>,
+    side: IVec3,
     flow: &Flow,
 ) -> Result<()> {
     context.recorder.clear(flow)?;
@@ -37,7 +35,7 @@ pub(super) fn record(
         return Ok(());
     }
     let shared = f64::from(u8::from(context.settings.is("lpv_injection", "paper")));
-    let params = InjectParams { most: most(context.settings), ..InjectParams::zeroed() };
+    let params = InjectParams { side: side.as_vec3().to_array(), most: most(context.settings) };
     let kernel = context.kernel_with("lpv/inject", "main", &[("SHARED", shared)])?;
     let pass = context.recorder.pass("inject", &kernel).uniform("volume", &placed.volume).uniform("params", &params);
     let pass = pass.bind("cells", &placed.cells).bind("points", &placed.points);

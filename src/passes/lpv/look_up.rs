@@ -1,10 +1,11 @@
 //! Irradiance from the light that passed the cells before each receiver.
 
+use std::f32::consts::PI;
+
 use bytemuck::{Pod, Zeroable};
 
 use super::Flow;
 use super::points::Placed;
-use super::propagate::PropagateParams;
 use crate::error::Result;
 use crate::gpu::Buffer;
 use crate::passes::Context;
@@ -17,14 +18,14 @@ const RECEIVER_NS: f64 = 300.0;
 #[repr(C)]
 #[derive(Debug, Clone, Copy, Pod, Zeroable)]
 pub struct LookUpParams {
-    /// Irradiance of a unit of the mean.
-    pub mean: f32,
-    /// Irradiance of a unit of net flow against the normal.
-    pub along: f32,
+    /// Irradiance of a unit of mean that left through a face.
+    pub scale: f32,
     /// Unused.
     pub pad0: u32,
     /// Unused.
     pub pad1: u32,
+    /// Unused.
+    pub pad2: u32,
 }
 
 /// Irradiance of `count` receivers at the places that their `pixel` says.
@@ -34,16 +35,17 @@ pub struct LookUpParams {
 pub(super) fn record(
     context: &mut Context<'_, '_>,
     (receivers, count): (&Buffer<Receiver>, usize),
-    (total, placed): (&Flow, &Placed),
+    (passed, placed): (&[Flow; 2], &Placed),
     irradiance: &Buffer<[f32; 4]>,
 ) -> Result<()> {
     let volume = &placed.volume;
     let area = volume.edge * volume.edge;
-    let [mean, along] = PropagateParams::new(context.settings).irradiance().map(|unit| unit / area);
-    let params = LookUpParams { mean, along, pad0: 0, pad1: 0 };
+    // A mean of 1 is a flux of the square root of 4 pi.
+    let scale = (4.0 * PI).sqrt() / area;
+    let params = LookUpParams { scale, pad0: 0, pad1: 0, pad2: 0 };
     let kernel = context.kernel("lpv/look_up", "main")?;
     let pass = context.recorder.pass("look_up", &kernel).uniform("volume", volume).uniform("params", &params);
-    let pass =
-        pass.bind("receivers", receivers).bind("total", total).bind("open", &placed.open).bind("met", &placed.met);
+    let pass = pass.bind("receivers", receivers).bind("passed_lower", &passed[0]).bind("passed_upper", &passed[1]);
+    let pass = pass.bind("open", &placed.open).bind("met", &placed.met);
     pass.bind("irradiance", irradiance).dispatch_cut(count, RECEIVER_NS)
 }

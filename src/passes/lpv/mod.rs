@@ -11,7 +11,7 @@ pub mod sample_rays;
 use std::sync::Arc;
 
 use bytemuck::{Pod, Zeroable};
-use glam::{DVec3, Vec3};
+use glam::{DVec3, IVec3, Vec3};
 
 use self::points::{Asked, Placed};
 use crate::error::{Error, Result};
@@ -66,12 +66,19 @@ pub type Flow = Buffer<[f32; 4]>;
 
 /// Largest net flow, as a share of all light of a cell.
 fn most(settings: &Settings) -> f32 {
-    settings.float("lpv_most_flow").unwrap_or(1.0) as f32
+    settings.float("lpv_most_flow").unwrap_or(0.75) as f32
 }
 
 /// # Errors
 /// `Settings` when the volume does not fit the adapter.
 pub fn check(settings: &Settings, gpu: &Gpu) -> Result<()> {
+    let reflected = settings.float("lpv_reflection").unwrap_or(0.0);
+    if plan::has_volume(settings) && reflected > 0.0 && settings.is("lpv_transport", "sides") {
+        return Err(Error::Settings(format!(
+            "lpv_reflection={reflected} sends light back towards other sides than it came from, which \
+             lpv_transport=\"sides\" keeps apart; allowed: lpv_transport=\"together\" or \"faces\", or lpv_reflection=0"
+        )));
+    }
     let resolution = settings.int("lpv_resolution");
     let bytes = 3 * 16 * u64::from(resolution).pow(3);
     let most = gpu.limits().max_storage_buffer_binding_size;
@@ -87,7 +94,8 @@ pub fn check(settings: &Settings, gpu: &Gpu) -> Result<()> {
 /// The light of a frame, ready to be looked up.
 pub struct Propagated {
     placed: Arc<Placed>,
-    total: Flow,
+    /// Means that left each cell through its lower faces, and through its upper ones.
+    passed: [Flow; 2],
 }
 
 impl Propagated {
@@ -101,7 +109,7 @@ impl Propagated {
         receivers: (&Buffer<Receiver>, usize),
         irradiance: &Buffer<[f32; 4]>,
     ) -> Result<()> {
-        look_up::record(context, receivers, (&self.total, &self.placed), irradiance)
+        look_up::record(context, receivers, (&self.passed, &self.placed), irradiance)
     }
 }
 
@@ -121,13 +129,24 @@ pub fn record(context: &mut Context<'_, '_>) -> Result<Propagated> {
     };
     let radiosity = gather(context, &placed)?;
     let coefficients = 3 * placed.volume.cells as usize;
-    let flows =
-        [context.resources.buffer("lpv_flow_0", coefficients)?, context.resources.buffer("lpv_flow_1", coefficients)?];
-    let total = context.resources.buffer("lpv_total", coefficients)?;
-    inject::record(context, &placed, &radiosity, &flows[0])?;
-    context.recorder.copy(&flows[0], &total, coefficients)?;
-    propagate::record(context, &placed.volume, &flows, &placed.open, &total)?;
-    Ok(Propagated { placed, total })
+    let flow: Flow = context.resources.buffer("lpv_flow", coefficients)?;
+    let passed = ["lpv_passed_lower", "lpv_passed_upper"].map(|name| context.resources.buffer(name, coefficients));
+    let [lower, upper] = passed;
+    let passed = [lower?, upper?];
+    for sums in &passed {
+        context.recorder.clear(sums)?;
+    }
+    for &side in sides(context.settings) {
+        inject::record(context, &placed, &radiosity, side, &flow)?;
+        propagate::record(context, &placed, side, &flow, &passed)?;
+    }
+    Ok(Propagated { placed, passed })
+}
+
+/// Ways that surfaces face whose light propagates by itself; 0: that of all together.
+fn sides(settings: &Settings) -> &'static [IVec3] {
+    const SIX: [IVec3; 6] = [IVec3::NEG_X, IVec3::X, IVec3::NEG_Y, IVec3::Y, IVec3::NEG_Z, IVec3::Z];
+    if settings.is("lpv_transport", "sides") { &SIX } else { &[IVec3::ZERO] }
 }
 
 /// A new volume, and samples whose light is left in cells that they see.

@@ -3,16 +3,19 @@
 use std::f64::consts::{FRAC_1_SQRT_2, PI};
 
 use bytemuck::{Pod, Zeroable};
-use glam::DVec3;
+use glam::{DVec3, IVec3};
 
-use super::{Flow, Volume, most};
+use super::points::Placed;
+use super::{Flow, most};
 use crate::error::Result;
-use crate::gpu::Buffer;
 use crate::passes::Context;
 use crate::settings::Settings;
 
 /// What a step of a channel of a cell costs at first guess, nanoseconds.
-const CELL_NS: f64 = 60.0;
+const LEAVE_NS: f64 = 100.0;
+const ARRIVE_NS: f64 = 30.0;
+/// Bytes of what leaves along an axis at most, so that large volumes work on a channel at a time.
+const LEAVING_BYTES: u64 = 1 << 27;
 
 /// Twin of `PropagateParams` in `shaders/passes/lpv/propagate.wgsl`.
 #[repr(C)]
@@ -32,8 +35,8 @@ pub struct PropagateParams {
     pub most: f32,
     /// Share that closed faces send back.
     pub reflected: f32,
-    /// Unused.
-    pub pad: u32,
+    /// Of the channels at work: cells before them.
+    pub first: u32,
 }
 
 /// Squares of the basis functions' factors: 1 / 4 pi and 3 / 4 pi.
@@ -47,20 +50,10 @@ pub(super) fn cosine_of_square(half: f64, distance: f64) -> f64 {
     4.0 * slope * slope.atan()
 }
 
-/// What arrives through one of six faces.
-///
-/// With directions it is the projection of that sixth of the sphere: the integrals over it of 1, the cosine to the axis,
-/// its square and that of another axis are 2 pi / 3, 2 sqrt 2 atan(1 / sqrt 2), 2 pi / 9 + 4 / (3 sqrt 3) and
-/// 2 pi / 9 - 2 / (3 sqrt 3). With faces the flux of each goes on as a clamped cosine [KD10 Sec. 3.5].
-fn arriving(settings: &Settings) -> [f64; 5] {
+/// What arrives through one of six faces in the literature's form: the flux of each other face of the next cell goes on as
+/// a clamped cosine [KD10 Sec. 3.5].
+fn by_faces() -> [f64; 5] {
     let both = (MEAN * ALONG).sqrt();
-    let whole = 4.0 * FRAC_1_SQRT_2 * FRAC_1_SQRT_2.atan();
-    let mean_of_mean = MEAN * 2.0 * PI / 3.0;
-    if !settings.is("lpv_transport", "faces") {
-        let root = 3.0_f64.sqrt();
-        let [along, across] = [4.0, -2.0].map(|share| ALONG * (2.0 * PI / 9.0 + share / (3.0 * root)));
-        return [mean_of_mean, both * whole, both * whole, along, across];
-    }
     let lobe = 2.0 / 3.0_f64.sqrt();
     let front = cosine_of_square(0.5, 1.5);
     // Seen from the middle: 4 atan(a^2 / (d sqrt(d^2 + 2 a^2))) = 0.4007.
@@ -68,7 +61,8 @@ fn arriving(settings: &Settings) -> [f64; 5] {
     let corner = |x: f64, z: f64| DVec3::new(x, 0.5, z);
     let side = [corner(0.5, -0.5), corner(0.5, 0.5), corner(1.5, 0.5), corner(1.5, -0.5)];
     let sideways = vector_of_polygon(&side).y.abs();
-    [mean_of_mean, both * whole, MEAN * lobe * front_angle, both * lobe * front, both * lobe * 2.0 * sideways]
+    let mean_of_along = both * 4.0 * FRAC_1_SQRT_2 * FRAC_1_SQRT_2.atan();
+    [1.0 / 6.0, mean_of_along, MEAN * lobe * front_angle, both * lobe * front, both * lobe * 2.0 * sideways]
 }
 
 /// Integral of the unit direction over the solid angle of a polygon [Lam60].
@@ -82,37 +76,53 @@ impl PropagateParams {
     /// As the settings say.
     pub fn new(settings: &Settings) -> Self {
         let [mean_of_mean, mean_of_along, along_of_mean, along_of_along, across] =
-            arriving(settings).map(|coefficient| coefficient as f32);
+            by_faces().map(|coefficient| coefficient as f32);
         let reflected = settings.float("lpv_reflection").unwrap_or(0.0) as f32;
         let most = most(settings);
-        Self { mean_of_mean, mean_of_along, along_of_mean, along_of_along, across, most, reflected, pad: 0 }
-    }
-
-    /// Irradiance before a face of unit area of a unit of mean, and of net flow towards it: what a step takes through it.
-    pub fn irradiance(&self) -> [f32; 2] {
-        let y0 = MEAN.sqrt() as f32;
-        [self.mean_of_mean / y0, self.mean_of_along / y0]
+        Self { mean_of_mean, mean_of_along, along_of_mean, along_of_along, across, most, reflected, first: 0 }
     }
 }
 
-/// All steps; `flows[0]` and `total` hold what was left in the cells, `total` in the end all that passed them.
+/// Channels whose leaving light the adapter can hold at once: all, or each for itself.
+fn channels_at_once(cells: usize, most_bytes: u64) -> usize {
+    if (3 * cells * size_of::<[[f32; 4]; 2]>()) as u64 <= most_bytes.min(LEAVING_BYTES) { 3 } else { 1 }
+}
+
+/// All steps of what was left in the cells by surfaces that face one way, or by all; adds what leaves each cell through
+/// its lower and its upper faces to `passed`.
 ///
 /// # Errors
 /// Those of the device; `Cancelled`.
 pub(super) fn record(
     context: &mut Context<'_, '_>,
-    volume: &Volume,
-    flows: &[Flow; 2],
-    open: &Buffer<u32>,
-    total: &Flow,
+    placed: &Placed,
+    side: IVec3,
+    flow: &Flow,
+    passed: &[Flow; 2],
 ) -> Result<()> {
-    let params = PropagateParams::new(context.settings);
-    let kernel = context.kernel("lpv/propagate", "main")?;
-    for step in 0..context.settings.int("lpv_iterations") as usize {
-        let (now, next) = (&flows[step % 2], &flows[(step + 1) % 2]);
-        let pass = context.recorder.pass("propagate", &kernel).uniform("volume", volume).uniform("params", &params);
-        let pass = pass.bind("flow", now).bind("open", open).bind("next", next).bind("total", total);
-        pass.dispatch_cut(3 * volume.cells as usize, CELL_NS)?;
+    let cells = placed.volume.cells as usize;
+    let channels = channels_at_once(cells, context.recorder.gpu().limits().max_storage_buffer_binding_size);
+    let items = channels * cells;
+    let x: Flow = context.resources.buffer("lpv_along_x", 2 * items)?;
+    let y: Flow = context.resources.buffer("lpv_along_y", 2 * items)?;
+    let z: Flow = context.resources.buffer("lpv_along_z", 2 * items)?;
+    let faces = f64::from(u8::from(context.settings.is("lpv_transport", "faces")));
+    let [side_x, side_y, side_z] = side.as_dvec3().to_array();
+    let constants = [("FACES", faces), ("SIDE_X", side_x), ("SIDE_Y", side_y), ("SIDE_Z", side_z)];
+    let leave = context.kernel_with("lpv/propagate", "leave", &constants)?;
+    let arrive = context.kernel("lpv/propagate", "arrive")?;
+    for first in (0..3 * cells).step_by(items) {
+        let params = PropagateParams { first: first as u32, ..PropagateParams::new(context.settings) };
+        for _ in 0..context.settings.int("lpv_iterations") {
+            let pass = context.recorder.pass("propagate", &leave).uniform("params", &params).bind("flow", flow);
+            let pass = pass.bind("along_x", &x).bind("along_y", &y).bind("along_z", &z);
+            let pass = pass.bind("passed_lower", &passed[0]).bind("passed_upper", &passed[1]);
+            pass.dispatch_cut(items, LEAVE_NS)?;
+            let pass = context.recorder.pass("propagate", &arrive);
+            let pass = pass.uniform("volume", &placed.volume).uniform("params", &params).bind("flow", flow);
+            let pass = pass.bind("open", &placed.open).bind("along_x", &x).bind("along_y", &y).bind("along_z", &z);
+            pass.dispatch_cut(items, ARRIVE_NS)?;
+        }
     }
     Ok(())
 }
@@ -120,21 +130,22 @@ pub(super) fn record(
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::settings::Value;
 
     #[test]
-    fn six_directions_are_the_identity_and_faces_keep_the_flux() {
-        let near = |found: [f64; 5], expected: [f64; 5]| {
-            found.iter().zip(expected).all(|(found, expected)| (found - expected).abs() < 1e-6)
-        };
+    fn faces_keep_the_flux_and_forget_the_net_flow() {
         // By quadrature: `coefficients` in tests/passes/reference/lpv.py.
-        let directions = arriving(&Settings::default());
-        assert!(near(directions, [0.166_667, 0.239_944, 0.239_944, 0.350_443, 0.074_779]), "{directions:?}");
-        let [mean, .., along, across] = directions;
-        assert!((6.0 * mean - 1.0).abs() < 1e-12 && (2.0 * along + 4.0 * across - 1.0).abs() < 1e-12);
-        let faces = arriving(&Settings::new([("lpv_transport", Value::Text("faces".to_owned()))]).unwrap());
-        assert!(near(faces, [0.166_667, 0.239_944, 0.036_817, 0.061_659, 0.069_829]), "{faces:?}");
-        let [.., along, across] = faces;
+        let expected = [0.166_667, 0.239_944, 0.036_817, 0.061_659, 0.069_829];
+        let faces = by_faces();
+        assert!(faces.iter().zip(expected).all(|(found, expected)| (found - expected).abs() < 1e-6), "{faces:?}");
+        let [mean, .., along, across] = faces;
+        assert!((6.0 * mean - 1.0).abs() < 1e-12);
         assert!(2.0 * along + 4.0 * across < 0.41, "three fifths of the net flow are forgotten in a step");
+    }
+
+    #[test]
+    fn large_volumes_work_on_a_channel_at_a_time() {
+        assert_eq!(channels_at_once(64 * 64 * 64, u64::MAX), 3);
+        assert_eq!(channels_at_once(128 * 128 * 128, u64::MAX), 1);
+        assert_eq!(channels_at_once(64 * 64 * 64, 1 << 24), 1);
     }
 }

@@ -35,6 +35,7 @@ def _run(
     radiosity: NDArray[np.float32],
     shared: bool,
     most: float = 1.0,
+    side: Array | None = None,
 ) -> Array:
     numbers, first, counts = np.unique(cell, return_index=True, return_counts=True)
     cells = np.zeros(len(numbers), lpv.LPV_CELL)
@@ -44,7 +45,7 @@ def _run(
         len(cells),
         constants={"SHARED": shared},
         volume=VOLUME.record(),
-        params=record(lpv.INJECT, most=most),
+        params=record(lpv.INJECT, most=most, side=(0, 0, 0) if side is None else side),
         cells=cells,
         points=points,
         radiosity=radiosity,
@@ -70,6 +71,19 @@ def test_cells_hold_what_is_reflected_before_them(
     assert_not_within(found, other, bound)
     turned = lpv.inject(VOLUME, cell, -given[0], given[1], radiosity[:, :3].astype(np.float64), shared, most)
     assert_not_within(found, turned, bound)
+
+
+def test_six_sides_share_all_light(runner: Runner, rng: np.random.Generator) -> None:
+    points, cell, radiosity = _points(rng, 300)
+    given = (points["normal"].astype(np.float64), points["area"].astype(np.float64))
+    whole = _run(runner, points, cell, radiosity, False)
+    bound = 40 * ULP * np.abs(whole[..., :1]) + 1e-6 * whole.max()
+    sides = [_run(runner, points, cell, radiosity, False, side=way) for way in lpv.AXES]
+    for way, found in zip(lpv.AXES, sides, strict=True):
+        expected = lpv.inject(VOLUME, cell, *given, radiosity[:, :3].astype(np.float64), False, 1.0, way)
+        assert_within(found, expected, bound, "one side")
+        assert_not_within(found, whole, bound)
+    assert_within(np.sum(sides, axis=0), whole, 2 * bound, "all")
 
 
 def test_flux_is_kept_and_the_mean_is_not(runner: Runner, rng: np.random.Generator) -> None:

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import dataclasses
 import functools
+import itertools
 from typing import Any
 
 import numpy as np
@@ -26,17 +27,17 @@ LPV_POINT = np.dtype(
     ]
 )
 LPV_CELL = np.dtype([("cell", "<u4"), ("first", "<u4"), ("count", "<u4"), ("pad", "<u4")])
-INJECT = np.dtype([("most", "<f4"), ("pad0", "<u4"), ("pad1", "<u4"), ("pad2", "<u4")])
+INJECT = np.dtype([("side", "<f4", 3), ("most", "<f4")])
 PROPAGATE = np.dtype(
     [
         *((n, "<f4") for n in ("mean_of_mean", "mean_of_along", "along_of_mean", "along_of_along", "across")),
         ("most", "<f4"),
         ("reflected", "<f4"),
-        ("pad", "<u4"),
+        ("first", "<u4"),
     ]
 )
 BLOCKERS = np.dtype([("first", "<u4"), ("pad0", "<u4"), ("pad1", "<u4"), ("pad2", "<u4")])
-LOOK_UP = np.dtype([("mean", "<f4"), ("along", "<f4"), ("pad0", "<u4"), ("pad1", "<u4")])
+LOOK_UP = np.dtype([("scale", "<f4"), ("pad0", "<u4"), ("pad1", "<u4"), ("pad2", "<u4")])
 
 AXES = np.concatenate([np.stack([-axis, axis]) for axis in np.eye(3)])
 """Directions of the six faces, in the order of their bits."""
@@ -112,16 +113,61 @@ def faces_seen(face: int) -> list[tuple[int, Array, Array]]:
 
 
 @functools.cache
-def passing(face: int, transport: str) -> Array:
-    """(4, 4): what arrives in the cell beyond `face` of each coefficient of this one."""
+def passing(face: int) -> Array:
+    """(4, 4): what arrives in the cell beyond `face` of each coefficient of this one, by faces [KD10]."""
     whole = np.zeros((4, 4))
     for other, w, angle in faces_seen(face):
-        y = basis(w)
-        if transport == "directions":
-            whole += (y * angle[:, None]).T @ y
-        else:
-            whole += np.outer(clamped_cosine(AXES[other]), angle @ y)
+        whole += np.outer(clamped_cosine(AXES[other]), angle @ basis(w))
     return whole
+
+
+def directions() -> Array:
+    """(24, 3): the middles of a cube's faces cut in four, by angle."""
+    b = np.tan(np.pi / 8)
+    made = [
+        np.roll([s, t * b, u * b], axis)
+        for axis in range(3)
+        for s, t, u in itertools.product((-1, 1), (-1, 1), (-1, 1))
+    ]
+    found = np.array(made)
+    return found / np.linalg.norm(found, axis=1, keepdims=True)
+
+
+POWERS = np.array([0.0, 1, 4, 16])
+"""Of (1 + cos) / 2: lobes whose mean cosines are power / (power + 2)."""
+
+
+def lobe(net: Array, cos: Array) -> Array:
+    """Mixture of the two lobes of `POWERS` whose means are about `net`; its mean over all directions is 1."""
+    means = POWERS / (POWERS + 2)
+    parts = np.stack([np.interp(net, means, np.eye(4)[i]) for i in range(4)], axis=-1)
+    held: Array = (parts * (POWERS + 1) * ((1 + cos[..., None]) / 2) ** POWERS).sum(axis=-1)
+    return held
+
+
+def leaving(flow: Array, transport: str, side: Array | None = None) -> Array:
+    """(6, 3, z, y, x, 4): what leaves each cell through each of its faces.
+
+    Lobes leave in 24 directions, none behind `side`; the flux in one goes through the faces ahead of it in
+    the shares of its components. The net flow that 24 directions lack goes with each face's share.
+    """
+    if transport == "faces":
+        return np.stack([flow @ passing(face).T for face in range(6)])
+    w = directions()
+    w = w if side is None else w[w @ side >= 0]
+    mean, net = flow[..., 0], flow[..., 1:]
+    share = np.linalg.norm(net, axis=-1) / np.sqrt(3) / np.maximum(mean, 1e-300)
+    towards = net / np.maximum(np.linalg.norm(net, axis=-1), 1e-300)[..., None]
+    each = lobe(share[..., None], towards @ w.T)
+    each *= (mean / each.sum(axis=-1))[..., None]
+    lack = net - np.sqrt(3) * each @ w
+    made = []
+    for face in range(6):
+        through = each * np.maximum(w @ AXES[face], 0) / np.abs(w).sum(axis=1)
+        flux_out = through.sum(axis=-1)
+        part = (flux_out / np.maximum(mean, 1e-300))[..., None]
+        made.append(np.concatenate([flux_out[..., None], np.sqrt(3) * through @ w + part * lack], axis=-1))
+    return np.stack(made)
 
 
 def clamped_cosine(normal: Array) -> Array:
@@ -138,9 +184,9 @@ def clamped_cosine(normal: Array) -> Array:
     return mean
 
 
-def coefficients(transport: str) -> dict[str, float]:
+def coefficients() -> dict[str, float]:
     """What the shader has of `passing`."""
-    up = passing(1, transport)
+    up = passing(1)
     return {
         "mean_of_mean": up[0, 0],
         "mean_of_along": up[0, 1],
@@ -175,16 +221,22 @@ def shifted(values: Array, face: int) -> Array:
 
 
 def step(
-    flow: Array, open_faces: NDArray[np.uint32], transport: str, most: float = 1.0, reflected: float = 0.0
-) -> Array:
-    """One step of light; `open_faces` (z, y, x) are masks."""
+    flow: Array,
+    open_faces: NDArray[np.uint32],
+    transport: str,
+    most: float = 1.0,
+    reflected: float = 0.0,
+    side: Array | None = None,
+) -> tuple[Array, Array]:
+    """One step of light: the flow after it, and (6, 3, z, y, x) the means that left."""
     after = np.zeros_like(flow)
+    out = leaving(flow, transport, side)
     for face in range(6):
         is_open = (open_faces >> face & 1).astype(bool)[None, ..., None]
-        through = shifted(flow, face) @ passing(face ^ 1, transport).T
-        out = (flow @ passing(face, transport).T)[..., :1] * np.sqrt(4 * np.pi)
-        after += np.where(is_open, through, reflected * out * clamped_cosine(AXES[face ^ 1]))
-    return limited(after, most)
+        through = shifted(out[face ^ 1], face)
+        back = out[face][..., :1] * np.sqrt(4 * np.pi)
+        after += np.where(is_open, through, reflected * back * clamped_cosine(AXES[face ^ 1]))
+    return limited(after, most), out[..., 0]
 
 
 def no_walls(volume: Volume) -> NDArray[np.uint32]:
@@ -209,22 +261,33 @@ def inject(
     radiosity: Array,
     shared: bool,
     most: float,
+    side: Array | None = None,
 ) -> Array:
-    """What points leave in their cells."""
+    """What points leave in their cells: all, or of those that face `side` the square of that cosine."""
+    part = np.ones(len(normals)) if side is None else np.maximum(normals @ side, 0) ** 2
     flow = np.zeros((3, volume.cells, 4))
     for c in np.unique(cell):
         mine = np.flatnonzero(cell == c)
         each = np.full(len(mine), volume.edge**2 / len(mine)) if shared else areas[mine]
         for p, area in zip(mine, each, strict=True):
-            flow[:, c] += np.outer(radiosity[p] * area, clamped_cosine(normals[p]))
+            flow[:, c] += np.outer(part[p] * radiosity[p] * area, clamped_cosine(normals[p]))
     return limited(flow, most).reshape(3, *volume.shape, 4)
 
 
-@functools.cache
-def through_face() -> Array:
-    """Flux through a face of a unit of mean, and of net flow towards it."""
-    flux_of: Array = passing(1, "directions")[0, :2] * np.sqrt(4 * np.pi)
-    return flux_of
+def falling(normal: Array, passed: Array) -> Array:
+    """Of means (6, ...) that left through faces, what falls on a surface of unit area and that normal.
+
+    The net flow along the normal is what falls on its two sides apart; together they get what the sides of
+    faces do, weighted by the squares of the normal. At least what falls against it by those squares, at most all.
+    """
+    against = [2 * axis + (normal[axis] < 0) for axis in range(3)]
+    ways = np.stack([passed[face] for face in against], axis=-1).clip(0)
+    back = np.stack([passed[face ^ 1] for face in against], axis=-1)
+    front = np.stack([passed[face] for face in against], axis=-1)
+    square, straight = normal**2, np.abs(normal)
+    sides = (front - back) @ straight + (front + back) @ square
+    held: Array = np.clip(0.5 * sides, ways @ square, ways @ straight)
+    return held * np.sqrt(4 * np.pi)
 
 
 def masks(volume: Volume, met: Array) -> NDArray[np.uint32]:
@@ -264,9 +327,9 @@ def own_cell(volume: Volume, place: Array, met: Array) -> NDArray[np.int_]:
 
 
 def look_up(
-    volume: Volume, total: Array, met: Array, origin: Array, normal_geo: Array, normal_shade: Array
+    volume: Volume, passed: Array, met: Array, origin: Array, normal_geo: Array, normal_shade: Array
 ) -> Array:
-    """Irradiance at one point: what a step would take through a face there, over the face's area."""
+    """Irradiance at one point, of (6, 3, z, y, x) means that left through faces, over a face's area."""
     before = CLEAR * np.abs(normal_geo).sum() / 2
     place = (origin - volume.corner) / volume.edge + before * normal_geo
     place = np.clip(place, 0, np.array(volume.size) - 1e-3)
@@ -275,7 +338,7 @@ def look_up(
     away = place - (own + 0.5)
     sides = np.where(away > 0, 1, -1)
     far = np.minimum(np.abs(away), 0.5)
-    sums, shares = np.zeros((3, 4)), 0.0
+    sums, shares = np.zeros((6, 3)), 0.0
     for corner in np.ndindex(2, 2, 2):
         at = own + sides * corner
         closed = [c and not mask >> (2 * axis + (sides[axis] > 0)) & 1 for axis, c in enumerate(corner)]
@@ -286,9 +349,7 @@ def look_up(
         least = 0.0 if any(corner) else 0.05
         share *= np.clip(2 * (middle - origin) @ normal_geo / volume.edge, least, 1)
         if share > 0:
-            sums += share * total[:, at[2], at[1], at[0]]
+            sums += share * passed[:, :, at[2], at[1], at[0]]
             shares += share
-    out = through_face() / volume.edge**2
-    found = out[0] * sums[:, 0] - out[1] * (sums[:, 1:] @ normal_shade)
-    irradiance: Array = np.maximum(found / max(shares, 1e-6), 0)
+    irradiance: Array = falling(normal_shade, sums) / volume.edge**2 / max(shares, 1e-6)
     return irradiance

@@ -246,15 +246,15 @@ fn volumes() -> Vec<(Layout, &'static str, &'static str)> {
         across,
         most,
         reflected,
-        pad
+        first
     });
     vec![
         (host_layout!(Volume { corner, edge, size, cells }), "common/lpv_volume", "Volume"),
         (host_layout!(LpvPoint { normal, area, instance, triangle, u, v }), "common/lpv_point", "LpvPoint"),
         (host_layout!(LpvCell { cell, first, count, pad }), "common/lpv_point", "LpvCell"),
-        (host_layout!(InjectParams { most, pad0, pad1, pad2 }), "passes/lpv/inject", "InjectParams"),
+        (host_layout!(InjectParams { side, most }), "passes/lpv/inject", "InjectParams"),
         (host_layout!(BlockersParams { first, pad0, pad1, pad2 }), "passes/lpv/blockers", "BlockersParams"),
-        (host_layout!(LookUpParams { mean, along, pad0, pad1 }), "passes/lpv/look_up", "LookUpParams"),
+        (host_layout!(LookUpParams { scale, pad0, pad1, pad2 }), "passes/lpv/look_up", "LookUpParams"),
         (propagate, "passes/lpv/propagate", "PropagateParams"),
     ]
 }
