@@ -97,6 +97,7 @@ def main(arguments: Sequence[str] | None = None) -> optuna.Study:
         load_if_exists=True,
         directions=["minimize", "minimize"],
     )
+    done = sum(trial.state.is_finished() for trial in study.trials)
     # the same trials in every run from the start, and others than before when it goes on
     study.sampler = optuna.samplers.TPESampler(seed=len(study.trials), multivariate=True)
     if not study.trials:
@@ -114,7 +115,7 @@ def main(arguments: Sequence[str] | None = None) -> optuna.Study:
         run = functools.partial(
             measured, place=place, reference=reference, base=base, renderer=renderer, cost=options.cost
         )
-        study.optimize(run, n_trials=max(0, options.trials - len(study.trials)))
+        study.optimize(run, n_trials=max(0, options.trials - done))
     options.out.mkdir(parents=True, exist_ok=True)
     found = []
     for trial in sorted(study.best_trials, key=lambda trial: trial.values):
