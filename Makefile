@@ -78,6 +78,10 @@ bench-virtual-lights: setup ## Hold the presets of papers A and B against their 
 bench-gpu: setup ## The same on a GPU, without Mitsuba
 	$(BIN)/python benches/run.py --adapter gpu --no-mitsuba
 
+.PHONY: bench-compare
+bench-compare: setup ## What got slower or less accurate: make bench-compare OLD=a.json NEW=b.json
+	$(BIN)/python benches/compare.py $(OLD) $(NEW)
+
 .PHONY: pictures
 pictures: setup ## Make the pictures and times of docs/method.md
 	$(BIN)/python docs/make_pictures.py
