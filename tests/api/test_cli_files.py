@@ -220,11 +220,11 @@ def test_without_an_adapter_it_says_how_to_get_one(folder: Path) -> None:
 
 @pytest.mark.parametrize("manager", ["apt-get", "dnf", "pacman", "zypper", "apk", ""])
 def test_the_command_suits_the_system(manager: str, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(cli_report.platform, "system", lambda: "Linux")
-    monkeypatch.setattr(cli_report.shutil, "which", lambda name: name if name == manager else None)
+    monkeypatch.setattr("platform.system", lambda: "Linux")
+    monkeypatch.setattr("shutil.which", lambda name: name if name == manager else None)
     hint = cli_report.driver_hint()
     assert (f"sudo {manager} " in hint) if manager else ("lavapipe" in hint)
-    monkeypatch.setattr(cli_report.platform, "system", lambda: "Darwin")
+    monkeypatch.setattr("platform.system", lambda: "Darwin")
     assert "Metal" in cli_report.driver_hint()
 
 

@@ -13,7 +13,7 @@ import pytest
 
 import miplight as ml
 
-GRID = [
+GRID: list[Any] = [
     {"preset": ["brute-force", "area-2010"], "light_samples": [16, 64]},
     # text, a choice, None where a number may be, a switch
     {"preset": "area-2010", "depth_threshold": [None, 0.125], "specular": "off", "visibility": "ray"},
