@@ -78,13 +78,30 @@ bench-virtual-lights: setup ## Hold the presets of papers A and B against their 
 bench-gpu: setup ## The same on a GPU, without Mitsuba
 	$(BIN)/python benches/run.py --adapter gpu --no-mitsuba
 
+.PHONY: bench-compare
+bench-compare: setup ## What got slower or less accurate: make bench-compare OLD=a.json NEW=b.json
+	$(BIN)/python benches/compare.py $(OLD) $(NEW)
+
+# The tag says on which machines a wheel runs; maturin finds the oldest C library that does. `WHEEL_TAG=manylinux_2_28`
+# asks for one, and fails where this machine's is too new for it; `WHEEL_FLAGS=--zig` (pip install ziglang) builds for
+# older ones than its own.
+WHEEL_TAG ?=
+WHEEL_FLAGS ?=
+
+.PHONY: wheel
+wheel: $(STAMP)/venv ## Build a wheel for every Python from 3.10 on into dist, and try it in a clean environment
+	rm -f dist/*.whl
+	VIRTUAL_ENV=$(abspath $(VENV)) $(BIN)/maturin build --release --locked --strip --auditwheel repair --out dist \
+		$(if $(WHEEL_TAG),--compatibility $(WHEEL_TAG)) $(WHEEL_FLAGS)
+	$(BIN)/python tools/try_wheel.py dist/*.whl
+
 .PHONY: pictures
 pictures: setup ## Make the pictures and times of docs/method.md
 	$(BIN)/python docs/make_pictures.py
 
 .PHONY: clean
 clean: ## Remove what was built
-	rm -rf target $(VENV) out tests/failures python/miplight/_core*.so .mypy_cache .ruff_cache .pytest_cache
+	rm -rf target $(VENV) out dist tests/failures python/miplight/_core*.so .mypy_cache .ruff_cache .pytest_cache
 
 $(STAMP)/venv:
 	$(PYTHON) -m venv $(VENV)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 import sys
 from pathlib import Path
 
@@ -23,6 +24,7 @@ def kernel(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> str:
     (folder / "kernel.json").write_text(json.dumps(spec))
     monkeypatch.setenv("JUPYTER_PATH", str(tmp_path))
     monkeypatch.setenv("IPYTHONDIR", str(tmp_path / "ipython"))
+    monkeypatch.setenv("MPLBACKEND", "module://matplotlib_inline.backend_inline")  # figures are outputs
     return "this"
 
 
@@ -33,12 +35,12 @@ def test_notebook_runs(path: Path, kernel: str, tmp_path: Path) -> None:
     notebook = nbformat.read(path, as_version=4)
     # smaller pictures than a reader wants: the point is that every cell runs
     for cell in notebook.cells:
-        cell.source = cell.source.replace("width=256, height=256", "width=64, height=64")
+        cell.source = re.sub(r"width=\d+, height=\d+", "width=64, height=64", cell.source)
     client = NotebookClient(notebook, timeout=120, kernel_name=kernel)
     client.execute(cwd=str(tmp_path))
     outputs = [output for cell in notebook.cells for output in cell.get("outputs", [])]
     pictures = [output for output in outputs if "image/png" in output.get("data", {})]
-    assert len(pictures) >= 3, "a frame and a fragment map should show themselves"
+    assert len(pictures) >= 3, "frames and figures should show themselves"
     assert not [output for output in outputs if output.output_type == "error"]
 
 

@@ -4,22 +4,25 @@ from __future__ import annotations
 
 import sys
 import warnings
+from collections.abc import Callable
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 import click
-import numpy as np
 
 from . import _core
-from ._table import PRESETS
+from ._table import KNOBS, PRESETS
 from .camera import Camera
-from .errors import MiplightError, SceneError, SettingsError
+from .cli_report import Working, driver_hint, lit_hint, summary
+from .cli_scene import View, load, notes
+from .errors import DeviceError, MiplightError, SceneError, SettingsError
 from .frame import Frame
 from .frame_files import SAVED, checked_suffix
-from .light import AreaLight
 from .renderer import Renderer, SoftwareAdapterWarning, adapters
 from .scene import Scene
 from .settings import Settings
+
+_Command = TypeVar("_Command", bound=Callable[..., Any])
 
 
 class _Group(click.Group):
@@ -28,42 +31,91 @@ class _Group(click.Group):
     def invoke(self, ctx: click.Context) -> Any:
         try:
             return super().invoke(ctx)
+        except BrokenPipeError:  # `miplight info | head`: nobody reads on, and nothing is wrong
+            raise
         except (MiplightError, OSError) as error:
-            raise click.ClickException(str(error)) from error
+            hint = f"\n{driver_hint()}" if isinstance(error, DeviceError) and not adapters() else ""
+            raise click.ClickException(f"{error}{hint}") from error
 
 
-@click.group(cls=_Group)
+@click.group(cls=_Group, context_settings={"help_option_names": ["-h", "--help"]})
 @click.version_option(package_name="miplight")
 def main() -> None:
-    """Multiresolution image-space lighting of triangle scenes by area lights."""
+    """Multiresolution image-space lighting of triangle scenes by area lights.
+
+    Exit codes: 0, done; 1, a file, a setting or an adapter is at fault, in one line; 2, a wrong option.
+    """
     # said by `miplight info`; a warning with a file and a line helps nobody here
     warnings.simplefilter("ignore", SoftwareAdapterWarning)
 
 
-# from the middle of what there is, in units of its size
-_FROM_THE_FRONT = np.array([0.6, 0.5, 1.6])
+# the first character keeps the lines as they are
+_EXAMPLES = """\b
+Examples:
+  miplight render bunny.ply bunny.png
+  miplight render room.xml room.exr --preset area-2016 --set light_samples=256
+  miplight render hall.glb hall.png --origin 0 1.6 4 --target 0 1.2 0 --size 960 540
+"""
 
 _adapter = click.option("--adapter", default="auto", help='"auto", "gpu", "cpu", or part of a name.')
-_preset = click.option("--preset", default="default", help="Where the settings start from.")
-_changes = click.option(
-    "--set", "changes", multiple=True, metavar="NAME=VALUE", help="A setting; repeatable."
+_preset = click.option(
+    "--preset",
+    default="default",
+    show_default=True,
+    help=f"Where the settings start from: {', '.join(PRESETS)}.",
 )
-_size = click.option("--size", type=(int, int), default=None, help="Width and height, pixels.")
-_camera = click.option("--camera", default=None, help="Name of a camera of the file.")
+_changes = click.option(
+    "--set",
+    "changes",
+    multiple=True,
+    metavar="NAME=VALUE",
+    help="A setting, as light_samples=64; repeatable. `miplight info --settings` lists them.",
+)
+_quiet = click.option("-q", "--quiet", is_flag=True, help="Say nothing of what is being done.")
+_source = click.argument("source", type=click.Path(path_type=Path))
+
+
+def _seen_from(command: _Command) -> _Command:
+    """Add the options of a view; they arrive as `size`, `camera`, `origin`, `target`, `fov` and `light`."""
+    spot: dict[str, Any] = {"type": (float, float, float), "default": None, "metavar": "X Y Z"}
+    for option in (
+        click.option("--light", **spot, help="Where to add a light that shines down, as inside of a room."),
+        click.option("--fov", type=float, default=None, help="Vertical field of view, degrees."),
+        click.option("--target", **spot, help="What to look at; the middle of everything by default."),
+        click.option(
+            "--origin", **spot, help="Where the eye is, scene units; in place of the file's camera."
+        ),
+        click.option("--camera", default=None, help="Name of a camera of the file; the first by default."),
+        click.option(
+            "--size", type=(int, int), default=None, metavar="W H", help="Width and height, pixels."
+        ),
+    ):
+        command = option(command)
+    return command
 
 
 @main.command()
-def info() -> None:
-    """Show the version, the adapters of this machine, and the presets."""
+@click.option("--settings", is_flag=True, help="List every setting, what it may be, and its default.")
+def info(settings: bool) -> None:
+    """Show the version, the adapters of this machine, and the presets.
+
+    Without an adapter it says how to install one, and the exit code is 1.
+    """
+    if settings:
+        for knob in KNOBS.values():
+            click.echo(f"{knob.name} (default {knob.default!r})\n    {knob.summary()}")
+        return
     click.echo(f"miplight {_core.version()}")
     found = adapters()
     for about in found:
         kind = "software" if about["software"] else about["device_type"]
         click.echo(f"adapter  {about['name']} ({about['backend']}, {kind}; {about['driver']})")
     if not found:
-        click.echo("adapter  none: install a Vulkan driver (Mesa's lavapipe works without a GPU)")
+        click.echo(f"adapter  none: {driver_hint()}")
     for name, overrides in PRESETS.items():
         click.echo(f"preset   {name}" + ("" if overrides is not None else " (not available yet)"))
+    if not found:
+        raise click.exceptions.Exit(1)
 
 
 @main.command()
@@ -77,67 +129,81 @@ def demo(out: Path, quick: bool, adapter: str) -> None:
     demo_module.run(out, adapter, quick)
 
 
-@main.command()
-@click.argument("source", type=click.Path(path_type=Path))
-@click.argument("target", type=click.Path(path_type=Path))
+@main.command(epilog=_EXAMPLES)
+@_source
+@click.argument("picture", type=click.Path(path_type=Path))
 @_preset
 @_changes
-@_size
-@_camera
+@_seen_from
 @click.option(
     "--exposure", type=float, default=None, help="Stops, for .png; found from the picture by default."
 )
+@_quiet
+@click.option("-v", "--verbose", is_flag=True, help="Times of each pass, what was left out, every note.")
 @_adapter
 def render(
     source: Path,
-    target: Path,
+    picture: Path,
     preset: str,
     changes: tuple[str, ...],
-    size: tuple[int, int] | None,
-    camera: str | None,
     exposure: float | None,
+    quiet: bool,
+    verbose: bool,
     adapter: str,
+    **seen: Any,
 ) -> None:
-    """Render SOURCE (a mesh, .glb, or a Mitsuba .xml) to TARGET (.png, .exr or .npz).
+    """Render SOURCE to PICTURE (.png, .exr, or .npz with everything).
 
-    A file without lights gets one above it; a file without cameras is seen from the front.
+    SOURCE is a scene or mesh that trimesh reads (.glb, .gltf, .obj, .ply, .stl and more), or a Mitsuba .xml.
+    One without lights gets one above it; one without cameras is seen from the front.
     """
-    checked_suffix(target, SAVED)  # before the work, not after it
+    _check_picture(picture, exposure)  # before the work, not after it
     settings = _settings(preset, changes)
-    scene, view = _load(source, camera, size)
+    scene, view = _read(source, _as_view(seen), quiet, verbose)
     with Renderer(adapter) as renderer:
-        frame = renderer.render(scene, view, settings)
-        click.echo(str(frame.stats))
-        click.echo(frame.save(target, exposure=exposure).resolve())
+        with Working(f"rendering {view.width} × {view.height} with {preset}", quiet):
+            frame = renderer.render(scene, view, settings)
+        click.echo(str(frame.stats) if verbose else summary(frame))
+        hint = lit_hint(frame)
+        if hint:
+            click.echo(f"note: the picture is black: {hint}", err=True)
+        click.echo(frame.save(picture, exposure=exposure).resolve())
 
 
 @main.command()
-@click.argument("source", type=click.Path(path_type=Path))
+@_source
 @_preset
 @_changes
-@_size
-@_camera
+@_seen_from
 @click.option("--spp", default=256, show_default=True, help="Samples of the reference, each half.")
 @click.option("--out", type=click.Path(path_type=Path), default=Path("out/compare"), show_default=True)
+@_quiet
 @_adapter
 def compare(
     source: Path,
     preset: str,
     changes: tuple[str, ...],
-    size: tuple[int, int] | None,
-    camera: str | None,
     spp: int,
     out: Path,
+    quiet: bool,
     adapter: str,
+    **seen: Any,
 ) -> None:
-    """Render SOURCE here and with Mitsuba, and print the errors of direct light."""
-    from . import metrics, mitsuba
+    """Render SOURCE here and with Mitsuba, and print the errors of direct light.
 
+    Needs the extra `mitsuba`. Both pictures go to the folder --out.
+    """
+    from . import metrics, mitsuba
+    from .mitsuba.variant import import_mitsuba
+
+    import_mitsuba()  # before the work, too
     settings = _settings(preset, changes)
-    scene, view = _load(source, camera, size)
+    scene, view = _read(source, _as_view(seen), quiet)
     with Renderer(adapter) as renderer:
-        frame = renderer.render(scene, view, settings, outputs=("direct", "surface_mask", "image"))
-        reference = mitsuba.reference(scene, view, spp=spp, max_depth=2, part="direct")
+        with Working(f"rendering {view.width} × {view.height} with {preset}", quiet):
+            frame = renderer.render(scene, view, settings, outputs=("direct", "surface_mask", "image"))
+        with Working(f"rendering with Mitsuba, {2 * spp} samples", quiet):
+            reference = mitsuba.reference(scene, view, spp=spp, max_depth=2, part="direct")
         mask = frame.surface_mask
         for trim in (0.0, 0.001):
             error = metrics.relative_rmse(frame.direct, reference, mask=mask, trim=trim)
@@ -151,54 +217,107 @@ def compare(
 
 
 @main.command()
-@click.argument("source", type=click.Path(path_type=Path))
-@click.argument("target", type=click.Path(path_type=Path))
-@click.option("--preset", "presets", multiple=True, help="Where the settings start from; repeatable.")
+@_source
+@click.argument("table", type=click.Path(path_type=Path))
 @click.option(
-    "--set", "changes", multiple=True, metavar="NAME=VALUE,...", help="Values of a setting; repeatable."
+    "--preset",
+    "presets",
+    multiple=True,
+    help=f"Where the settings start from; repeatable: {', '.join(PRESETS)}.",
+)
+@click.option(
+    "--set",
+    "changes",
+    multiple=True,
+    metavar="NAME=VALUE,...",
+    help="Values of a setting, as light_samples=16,64,256; repeatable.",
 )
 @click.option("--repeats", default=3, show_default=True, help="Measured renders of each combination.")
 @click.option("--spp", default=0, help="Samples of a reference of direct light by Mitsuba; none without.")
-@_size
-@_camera
+@_seen_from
+@_quiet
 @_adapter
 def study(
     source: Path,
-    target: Path,
+    table: Path,
     presets: tuple[str, ...],
     changes: tuple[str, ...],
     repeats: int,
     spp: int,
-    size: tuple[int, int] | None,
-    camera: str | None,
+    quiet: bool,
     adapter: str,
+    **seen: Any,
 ) -> None:
-    """Render SOURCE with every combination of settings; times and errors go to TARGET (.parquet or .csv).
+    """Render SOURCE with every combination of settings; times and errors go to TABLE (.parquet or .csv).
 
-    Started again with the same TARGET it renders what is missing. With a reference a plot goes beside it.
+    Started again with the same TABLE it renders what is missing. With a reference a plot goes beside it.
+    The exit code is 1 if a combination could not be rendered; the table says why, and has the others.
     """
     from . import mitsuba
     from . import study as studies
+    from .mitsuba.variant import import_mitsuba
 
+    if spp:
+        import_mitsuba()
     grid: dict[str, Any] = {"preset": list(presets or ("default",))}
     for name, text in (_assigned(change) for change in changes):
         grid[name] = [_number_or_text(word) for word in text.split(",")]
-    scene, view = _load(source, camera, size)
-    reference = mitsuba.reference(scene, view, spp=spp, part="direct") if spp else None
-    table = studies.sweep(scene, view, grid, reference, repeats, path=target, adapter=adapter)
-    joined = studies.medians(table)
-    varied = [name for name in grid if joined[name].nunique() > 1]
-    shown = [*varied, "ms", "fragments", "rays", *(["relative_rmse"] if spp else [])]
-    if joined["error"].notna().any():
-        shown.append("error")
-    click.echo(joined[shown].to_string(index=False))
+    _check_folder(table)
+    scene, view = _read(source, _as_view(seen), quiet)
+    reference = None
+    if spp:
+        with Working(f"rendering with Mitsuba, {2 * spp} samples", quiet):
+            reference = mitsuba.reference(scene, view, spp=spp, part="direct")
+    shown = False if quiet else None
+    swept = studies.sweep(scene, view, grid, reference, repeats, path=table, adapter=adapter, progress=shown)
+    joined = studies.medians(swept)
+    _print_table(joined, [name for name in grid if joined[name].nunique() > 1], bool(spp))
     if spp and joined["relative_rmse"].notna().any():
         from matplotlib.figure import Figure
 
-        figure, picture = Figure(layout="constrained"), target.with_suffix(".png")
-        studies.plot(table, figure.add_subplot())
+        figure, picture = Figure(layout="constrained"), table.with_suffix(".png")
+        studies.plot(swept, figure.add_subplot())
         figure.savefig(picture)
         click.echo(picture.resolve())
+    failed = int(joined["error"].notna().sum())
+    if failed:
+        raise click.ClickException(f"{failed} of {len(joined)} combinations failed; {table} says why")
+
+
+def _print_table(joined: Any, varied: list[str], errors: bool) -> None:
+    shown = [*varied, "ms", "fragments", "rays", *(["relative_rmse"] if errors else [])]
+    if joined["error"].notna().any():
+        shown.append("error")
+    click.echo(joined[shown].to_string(index=False))
+
+
+def _check_picture(picture: Path, exposure: float | None) -> None:
+    """What can be known to go wrong when the picture is written."""
+    if checked_suffix(picture, SAVED) != ".png" and exposure is not None:
+        raise SettingsError(f"--exposure is {exposure:g} for {picture.name}; only .png pictures are exposed")
+    _check_folder(picture)
+
+
+def _check_folder(target: Path) -> None:
+    if not target.parent.is_dir():
+        raise SceneError(f"{str(target)!r} cannot be written: there is no folder {str(target.parent)!r}")
+
+
+def _as_view(seen: dict[str, Any]) -> View:
+    fov_y = seen.pop("fov")
+    return View(**seen, fov_y=fov_y)
+
+
+def _read(source: Path, view: View, quiet: bool, verbose: bool = False) -> tuple[Scene, Camera]:
+    """Read a file, and say what it has, what it was given, and what is not as the file has it."""
+    with Working(f"reading {source}", quiet):
+        scene, camera, added = load(source, view)
+    if not quiet:
+        more = f"; added: {', '.join(added)}" if added else ""
+        click.echo(f"{scene!r}{more}", err=True)
+        for note in notes(scene, verbose):
+            click.echo(f"note: {note}", err=True)
+    return scene, camera
 
 
 def _settings(preset: str, changes: tuple[str, ...]) -> Settings:
@@ -220,43 +339,6 @@ def _number_or_text(text: str) -> int | float | str | None:
         except ValueError:
             continue
     return None if text == "None" else text
-
-
-def _load(source: Path, camera: str | None, size: tuple[int, int] | None) -> tuple[Scene, Camera]:
-    is_mitsuba = source.suffix.lower() == ".xml"
-    scene = Scene.from_mitsuba(str(source)) if is_mitsuba else Scene.from_trimesh(source)
-    view = _view(scene, camera, size)
-    if not scene.lights:
-        scene.add_light(_light_above(scene))
-    return scene, view
-
-
-def _view(scene: Scene, name: str | None, size: tuple[int, int] | None) -> Camera:
-    if name is not None and name not in scene.cameras:
-        known = ", ".join(scene.cameras) or "none"
-        raise SceneError(f"--camera is {name!r}; the file has: {known}")
-    if scene.cameras:
-        camera = scene.cameras[name or next(iter(scene.cameras))]
-        return camera.replace(width=size[0], height=size[1]) if size else camera
-    bounds = scene.bounds
-    if bounds is None:
-        raise SceneError("the file has neither a camera nor a mesh")
-    middle, extent = bounds.mean(axis=0), max(float((bounds[1] - bounds[0]).max()), 1e-30)
-    width, height = size or (512, 512)
-    eye = middle + extent * _FROM_THE_FRONT
-    return Camera.look_at(eye, middle, fov_y=40, width=width, height=height)
-
-
-def _light_above(scene: Scene) -> AreaLight:
-    """A square light over the scene, as wide as half of it, whose radiance suits any scale."""
-    bounds = scene.bounds
-    if bounds is None:
-        raise SceneError("the file has no mesh")
-    extent = max(float((bounds[1] - bounds[0]).max()), 1e-30)
-    half, x, z = 0.25 * extent, float(bounds[:, 0].mean()), float(bounds[:, 2].mean())
-    y = float(bounds[1, 1]) + extent
-    corner = (x - half, y, z - half)
-    return AreaLight(corner, (2 * half, 0, 0), (0, 0, 2 * half), radiance=(12.0, 12.0, 12.0), visible=False)
 
 
 def _stops(frame: Frame) -> float:

@@ -1,7 +1,8 @@
 """Studies: sweeps over any settings, with what they cost and how far they are off, and what each level does.
 
 `sweep` renders every combination of settings, one row a render; `pareto`, `plot` and `compare` look at what
-came of it. `levels_along`, `threshold_sweep` and `voxel_sweep` look into incremental refinement.
+came of it; `settings_of` makes settings of a row again. `levels_along`, `threshold_sweep` and `voxel_sweep`
+look into incremental refinement.
 """
 
 from __future__ import annotations
@@ -20,6 +21,7 @@ from .level_study import (
 from .study_journal import load
 from .study_plots import compare, medians, pareto, plot
 from .study_sweep import sweep
+from .study_tuning import settings_of
 
 __all__ = [
     "compare",
@@ -34,6 +36,7 @@ __all__ = [
     "plot_maps",
     "plot_thresholds",
     "plot_voxels",
+    "settings_of",
     "sweep",
     "threshold_sweep",
     "voxel_sweep",

@@ -47,7 +47,8 @@ def test_render_writes_what_the_suffix_says(ball: Path, tmp_path: Path, adapter:
         result = _run("render", ball, target, *options, "--adapter", adapter)
         assert result.exit_code == 0, result.output
         assert str(target) in result.output
-        assert "direct/gather" in result.output
+        assert "40 × 30" in result.output
+        assert "direct/" not in result.output, "passes are for --verbose"
     frame = ml.Frame.load(tmp_path / "picture.npz")
     assert frame.image.shape == (30, 40, 3)
     assert frame.image.any()
@@ -100,7 +101,7 @@ def test_study_tabulates_every_combination(ball: Path, tmp_path: Path, adapter: 
     options = ("--size", 24, 24, "--preset", "brute-force", "--preset", "default", "--repeats", 2)
     result = _run("study", ball, target, *options, "--set", "light_samples=4,16", "--adapter", adapter)
     assert result.exit_code == 0, result.output
-    assert [len(line.split()) for line in result.output.splitlines()] == [5] * 5
+    assert [len(line.split()) for line in result.stdout.splitlines()] == [5] * 5
     table = ml.study.load(target)
     assert len(table) == 8
     assert table["error"].isna().all()
