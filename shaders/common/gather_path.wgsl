@@ -6,6 +6,8 @@ struct GatherPath {
     pixel: u32,
     pending: vec3f,     // irradiance that its shadow ray will let through or not
     stratum: u32,
+    slope: vec3f,       // change of the first hit's light, as a share of it, by way of the ray's origin
+    pad: u32,
 }
 
 struct GatherWave {

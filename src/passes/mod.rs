@@ -4,6 +4,7 @@
 pub mod arena;
 pub mod composite;
 pub mod gather;
+pub mod gather_points;
 pub mod geometry;
 pub mod indirect;
 pub mod lights;

@@ -61,6 +61,11 @@ pub fn has_volume(settings: &Settings) -> bool {
     settings.is("indirect", "lpv")
 }
 
+/// Whether places between the pixels gather, and not every pixel for itself.
+pub fn gathers_at_points(settings: &Settings) -> bool {
+    settings.is("indirect", "final-gather") && !settings.is("refine", "none")
+}
+
 /// Whether indirect light comes from virtual lights.
 pub fn indirect_from_virtual_lights(settings: &Settings) -> bool {
     ["splat", "gather", "clustered", "hierarchical"].iter().any(|indirect| settings.is("indirect", indirect))

@@ -13,6 +13,11 @@ import package::common::surface::{NO_LIGHT, ORIGIN_ERROR, Surface, geometry, ins
 
 // Of the instances: SMOOTH, COLORS, TEXTURE.
 override FEATURES: u32 = 7u;
+// 1: no ray goes on from these hits; 1: they are of a later bounce. As constants, for what they leave out is a third of it.
+override LAST: u32 = 0u;
+override LATER: u32 = 0u;
+// 1: how the light of the first hits changes is asked for.
+override SLOPES: u32 = 0u;
 
 @group(0) @binding(30) var<uniform> grid: Grid;
 @group(0) @binding(0) var<uniform> wave: GatherWave;
@@ -22,6 +27,8 @@ override FEATURES: u32 = 7u;
 @group(0) @binding(4) var<storage, read_write> shadow_rays: array<Ray>;
 
 const FAR: f32 = 3e38;
+// Of slanted hits' slopes, which are mostly noise below.
+const LEAST_COSINE: f32 = 0.25;
 // A shadow ray ends just short of the light's point, whose own rounding moves its surface (N5).
 const SHADOW_END: f32 = 0.9999;
 
@@ -29,12 +36,21 @@ const SHADOW_END: f32 = 0.9999;
 // in 32-bit fixed point so that no precision is lost; plain random ones from the second bounce on. The third counter
 // keeps all draws of a pixel apart: 0 directions, 4 b + 1 lights, 4 b + 2 directions of bounce b, 3 the start.
 fn light_places(path: GatherPath) -> vec3f {
-    if wave.bounce > 0u {
+    if LATER == 1u {
         return random4(vec4u(path.pixel, path.stratum, 4u * wave.bounce + 1u, wave.seed)).xyz;
     }
     let start = pcg4d(vec4u(path.pixel, 0u, 3u, wave.seed)).xyz;
     let steps = vec3u(3518319155u, 2882110345u, 2360945575u) * path.stratum;
     return vec3f((start + steps) >> vec3u(8u)) * (1.0 / 16777216.0);
+}
+
+// The hit's patch fills less of the hemisphere the farther and the more slanted it is: the gradient of
+// log (cos cos' / r^2) by the ray's origin, without the part along its own normal [WH92; Krivanek's, without occlusion].
+fn slope_of(s: Surface, ray: Ray) -> vec3f {
+    let d = s.position - ray.origin;
+    let r2 = max(dot(d, d), 1e-30);
+    let cosine = max(-dot(s.normal_geo, d) * inverseSqrt(r2), LEAST_COSINE);
+    return 4.0 * d / r2 + s.normal_geo * (inverseSqrt(r2) / cosine);
 }
 
 // Irradiance of the pixel that the shadow ray carries; zero and no ray where no light can be seen.
@@ -76,11 +92,16 @@ fn main(
         let s = surface_with(hit, ray.direction, FEATURES);
         let origin = offset_origin(s.position, s.normal_geo, s.origin_error);
         path.pending = light_hit(s, origin, path, i);
-        path.throughput *= s.albedo;
-        let square = random4(vec4u(path.pixel, path.stratum, 4u * wave.bounce + 2u, wave.seed)).xy;
-        let direction = cosine_direction(s.normal_shade, square);
-        if wave.last == 0u && dot(direction, s.normal_geo) > 0.0 && any(path.throughput > vec3f(0.0)) {
-            next = Ray(origin, 0.0, direction, FAR);
+        if SLOPES == 1u && LATER == 0u {
+            path.slope = slope_of(s, ray);
+        }
+        if LAST == 0u {
+            path.throughput *= s.albedo;
+            let square = random4(vec4u(path.pixel, path.stratum, 4u * wave.bounce + 2u, wave.seed)).xy;
+            let direction = cosine_direction(s.normal_shade, square);
+            if dot(direction, s.normal_geo) > 0.0 && any(path.throughput > vec3f(0.0)) {
+                next = Ray(origin, 0.0, direction, FAR);
+            }
         }
     }
     rays[i] = next;

@@ -1,11 +1,11 @@
 // Stratified cosine-weighted rays from the pixels' hemispheres [WRC88].
 // In: G-buffer. Out: rays and paths of one wave.
 
-import package::common::basis::{PI, cosine_direction};
+import package::common::basis::PI;
+import package::common::gather_direction::gather_direction;
 import package::common::gather_path::{GatherPath, GatherWave, NO_PIXEL};
 import package::common::gbuffer::{SURFACE, floats};
 import package::common::grid::{Grid, item_index};
-import package::common::random::random4;
 import package::common::ray::{Ray, inactive_ray};
 import package::common::surface::offset_origin;
 import package::common::tiles::{TILE_PIXELS, pixel_in_tile_order};
@@ -36,14 +36,11 @@ fn main(
     let pixel = pixel_in_tile_order(tile * TILE_PIXELS + i % TILE_PIXELS, wave.width);
     let at = pixel.y * wave.width + pixel.x;
     rays[i] = inactive_ray();
-    paths[i] = GatherPath(vec3f(0.0), NO_PIXEL, vec3f(0.0), stratum);
+    paths[i] = GatherPath(vec3f(0.0), NO_PIXEL, vec3f(0.0), stratum, vec3f(0.0), 0u);
     if pixel.x >= wave.width || pixel.y >= wave.height || g_normal[at].w != SURFACE {
         return;
     }
-    let cells = vec2f(f32(wave.strata_u), f32(wave.strata_v));
-    let cell = vec2f(f32(stratum % wave.strata_u), f32(stratum / wave.strata_u));
-    let jitter = random4(vec4u(at, stratum, 0u, wave.seed)).xy;
-    let direction = cosine_direction(floats(g_normal[at]), (cell + jitter) / cells);
+    let direction = gather_direction(wave, floats(g_normal[at]), at, stratum);
     let normal_geo = floats(g_geometric[at]);
     if dot(direction, normal_geo) <= 0.0 {
         return;
@@ -51,5 +48,5 @@ fn main(
     let origin = offset_origin(floats(g_position[at]), normal_geo, bitcast<f32>(g_position[at].w));
     rays[i] = Ray(origin, 0.0, direction, FAR);
     // Density cos/pi: each of the N rays stands for pi/N of irradiance a unit of radiance.
-    paths[i] = GatherPath(vec3f(PI / (cells.x * cells.y)), at, vec3f(0.0), stratum);
+    paths[i] = GatherPath(vec3f(PI / f32(wave.strata_u * wave.strata_v)), at, vec3f(0.0), stratum, vec3f(0.0), 0u);
 }

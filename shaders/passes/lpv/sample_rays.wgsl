@@ -31,11 +31,11 @@ fn main(
     let p = (wave.first_tile + row / wave.strata) * TILE_PIXELS + i % TILE_PIXELS;
     if p >= wave.width {
         rays[i] = inactive_ray();
-        paths[i] = GatherPath(vec3f(0.0), NO_PIXEL, vec3f(0.0), stratum);
+        paths[i] = GatherPath(vec3f(0.0), NO_PIXEL, vec3f(0.0), stratum, vec3f(0.0), 0u);
         return;
     }
     let point = points[p];
     hits[i] = Hit(0.0, point.u, point.v, point.instance, point.triangle);
     rays[i] = Ray(vec3f(0.0), 0.0, -point.normal, 1.0);
-    paths[i] = GatherPath(vec3f(PI / f32(wave.strata)), p, vec3f(0.0), stratum);
+    paths[i] = GatherPath(vec3f(PI / f32(wave.strata)), p, vec3f(0.0), stratum, vec3f(0.0), 0u);
 }

@@ -20,7 +20,7 @@ use crate::error::Result;
 use crate::gpu::Buffer;
 use crate::passes::lights::virtual_light::{Rsm, VirtualLights};
 use crate::passes::visibility::{Hit, Ray};
-use crate::passes::{Context, GBuffer, TILE_PIXELS};
+use crate::passes::{Context, GBuffer, TILE_PIXELS, gather_points};
 use crate::plan;
 use crate::scene::prepare::strata_grid;
 use crate::settings::Settings;
@@ -42,6 +42,10 @@ pub struct GatherPath {
     pub pending: [f32; 3],
     /// Of the hemisphere.
     pub stratum: u32,
+    /// Change of the first hit's light, as a share of it, by way of the ray's origin.
+    pub slope: [f32; 3],
+    /// Unused.
+    pub pad: u32,
 }
 
 /// Twin of `GatherWave` in `shaders/common/gather_path.wgsl`.
@@ -149,9 +153,17 @@ pub fn record(context: &mut Context<'_, '_>, gbuffer: &GBuffer, glossy: bool) ->
     if plan::has_volume(context.settings) {
         return volumes::record(context, gbuffer);
     }
+    if plan::gathers_at_points(context.settings) {
+        return gather_points::record(context, gbuffer);
+    }
     let irradiance = final_gather(context, gbuffer)?;
     let evaluations = Evaluations::default();
     Ok(Indirect { irradiance, levels: None, specular: None, evaluations, virtual_lights: None })
+}
+
+/// Rays of a wave.
+pub(super) fn wave_capacity(context: &Context<'_, '_>) -> u32 {
+    if context.tracer.native() { WAVE_NATIVE } else { WAVE_GPU }
 }
 
 /// Indirect irradiance of every pixel by rays.
@@ -160,7 +172,7 @@ fn final_gather(context: &mut Context<'_, '_>, gbuffer: &GBuffer) -> Result<Buff
     context.recorder.clear(&irradiance)?;
     let rays = context.settings.int("gather_rays");
     let [strata_u, strata_v] = strata_grid(rays, 1.0, 1.0);
-    let capacity = if context.tracer.native() { WAVE_NATIVE } else { WAVE_GPU };
+    let capacity = wave_capacity(context);
     let tiles = context.view.tiled / TILE_PIXELS;
     // A wave holds whole tiles with all their strata, or where there are too many of these a part of one tile's.
     let strata_at_once = rays.min(capacity / TILE_PIXELS);
@@ -201,7 +213,7 @@ fn record_wave(
     for bounce in 0..bounces {
         (wave.bounce, wave.last) = (bounce, u32::from(bounce + 1 == bounces));
         context.rays += context.tracer.closest(context.recorder, "trace", &lists.rays, &lists.hits, 0..count)?;
-        gather_hits::record(context, &wave, lists)?;
+        gather_hits::record(context, &wave, lists, false)?;
         context.rays +=
             context.tracer.any(context.recorder, "shadow", &lists.shadow_rays, &lists.occluded, 0..count)?;
         gather_sum::record(context, &wave, &lists.paths, &lists.occluded, irradiance)?;

@@ -182,7 +182,7 @@ fn gather(context: &mut Context<'_, '_>, placed: &Placed) -> Result<Buffer<[f32;
             ..GatherWave::zeroed()
         };
         sample_rays::record(context, &wave, &placed.points, &lists)?;
-        gather_hits::record(context, &wave, &lists)?;
+        gather_hits::record(context, &wave, &lists, false)?;
         let (tracer, count) = (context.tracer, wave.size());
         context.rays += tracer.any(context.recorder, "shadow", &lists.shadow_rays, &lists.occluded, 0..count)?;
         gather_sum::record(context, &wave, &lists.paths, &lists.occluded, &radiosity)?;

@@ -1,0 +1,62 @@
+// A place whose hemisphere was gathered, and how far what it found holds for others [WRC88].
+
+struct GatherPoint {
+    position: vec3f,
+    inverse: f32,       // mean of 1 / distance to what its rays met
+    normal: vec3f,      // shading normal
+    level: u32,
+    // Vector irradiance: its product with a normal near its own is the irradiance there, and exactly so for its own.
+    red: vec3f,
+    pad0: u32,
+    green: vec3f,
+    pad1: u32,
+    blue: vec3f,
+    pad2: u32,
+    // Gradients of the irradiance by the place, along the surface [WH92].
+    red_slope: vec3f,
+    pad3: u32,
+    green_slope: vec3f,
+    pad4: u32,
+    blue_slope: vec3f,
+    pad5: u32,
+}
+
+struct PointParams {
+    reach: f32,         // share of the harmonic mean distance that a point holds for
+    first: u32,         // point of the level at work, and how many they are
+    count: u32,
+    covered: f32,       // share of a pixel's neighbours that must hold for it
+}
+
+// Normals that differ by more are of another surface.
+const MOST_TURNED: f32 = 0.35;
+// A point holds for the pixels beside it, however near the surfaces that it met: so many widths of a pixel.
+const LEAST_PIXELS: f32 = 1.5;
+// Distance to a point's plane counts so many times.
+const OFF_PLANE: f32 = 4.0;
+
+fn fade(square: f32) -> f32 {
+    let left = max(1.0 - square, 0.0);
+    return left * left;
+}
+
+// From 1 to 0 how far a point holds at p with normal n, where pixels are `width` wide.
+fn holds(point: GatherPoint, reach: f32, p: vec3f, n: vec3f, width: f32) -> f32 {
+    let far = max(reach / max(point.inverse, 1e-30), LEAST_PIXELS * width);
+    let d = p - point.position;
+    let off = OFF_PLANE * dot(d, point.normal);
+    let turned = (point.normal - n) * (1.0 / MOST_TURNED);
+    return fade((dot(d, d) + off * off) / (far * far)) * fade(dot(turned, turned));
+}
+
+// What its gradients add at p.
+fn change_at(point: GatherPoint, p: vec3f) -> vec3f {
+    let d = p - point.position;
+    return vec3f(dot(point.red_slope, d), dot(point.green_slope, d), dot(point.blue_slope, d));
+}
+
+// Irradiance at p with normal n: no more than twice of what the point has, no less than a quarter.
+fn irradiance_at(point: GatherPoint, p: vec3f, n: vec3f) -> vec3f {
+    let own = max(vec3f(dot(point.red, n), dot(point.green, n), dot(point.blue, n)), vec3f(0.0));
+    return own + clamp(change_at(point, p), -0.75 * own, own);
+}
