@@ -21,9 +21,9 @@ ALBEDO = np.array([0.8, 0.6, 0.4])
 UP = np.array([0.0, 1.0, 0.0])
 PRESETS = sorted(name for name, preset in ml.presets().items() if preset is not None)
 
-# Bare floors, per preset: what its own method may be off from Lambert's formula, as a share of the brightest.
-# The default integrates; others sum 64 samples, and interpolate between fragments.
-METHOD_ERROR = {"default": 1e-4, "brute-force": 0.02}
+
+OUTPUTS = ("image", "direct", "indirect", "fragments", "surface_mask", "light_mask")
+"""What tests that render more than once read at once."""
 
 
 def sized(short: T, long: T) -> T:
@@ -33,7 +33,7 @@ def sized(short: T, long: T) -> T:
 
 def quick(preset: str, **changes: object) -> ml.Settings:
     """A preset with few samples."""
-    return ml.Settings.preset(preset).replace(light_samples=64, **changes)
+    return ml.Settings.preset(preset).replace(**{"light_samples": 64, **changes})
 
 
 def variants() -> dict[str, ml.Settings]:
@@ -53,7 +53,7 @@ def lamp(height: float = 2.0, size: float = 1.0) -> ml.AreaLight:
 
 
 def floor_light(light: ml.AreaLight, camera: ml.Camera) -> Array:
-    """What a floor at y = 0 of albedo `ALBEDO` reflects towards each pixel, (H, W, 3): float64, unshadowed."""
+    """What a floor at y = 0 of albedo `ALBEDO` reflects to each pixel, unshadowed: (H, W, 3) float64."""
     points = floor_points(camera)
     irradiance = light_irradiance(light, points, np.tile(UP, (len(points), 1)))
     return (ALBEDO / np.pi * irradiance).reshape(camera.height, camera.width, 3)

@@ -1,4 +1,4 @@
-"""Triangles as files have them: without area, needles, doubled, turned over, cracked, larger than the scene."""
+"""Triangles as files have them: without area, needles, doubled, turned over, cracked, beyond the scene."""
 
 from __future__ import annotations
 
@@ -67,7 +67,7 @@ def _turned_over() -> Soup:
 def _fins() -> Soup:
     """Three triangles on each of some edges: fins below the floor share its edges."""
     points, faces = _grid(4, 4)
-    below = points.mean(axis=0) + (0, -2, 0)
+    below = points.mean(axis=0) - np.array([0, 2, 0])
     fins = np.stack([faces[::3, 0], faces[::3, 1], np.full(len(faces[::3]), len(points))], -1)
     return np.concatenate([points, below[None]]), np.concatenate([faces, fins])
 

@@ -1,4 +1,4 @@
-"""Views of every shape: fields of view from half a degree to 170, one pixel, one row, one column, near and far."""
+"""Views of every shape: fields of view from half a degree to 170, one pixel, row or column, near and far."""
 
 from __future__ import annotations
 
