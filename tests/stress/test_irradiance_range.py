@@ -1,4 +1,4 @@
-"""Irradiance of a rectangle over the whole range of sizes and distances (N3), and through the horizon (N4)."""
+"""Irradiance of a rectangle over the whole range of sizes and distances (N3), and at the horizon (N4)."""
 
 from __future__ import annotations
 
@@ -72,7 +72,7 @@ def test_both_references_agree_where_they_meet() -> None:
 
 
 def _turned(degrees: float) -> ml.AreaLight:
-    """A square of 0.8 × 0.8 two units from the origin, facing it, its middle at `degrees` over the horizon."""
+    """A square of 0.8 × 0.8 two units from the origin, facing it, its middle `degrees` over the horizon."""
     angle = np.radians(degrees)
     out, up = np.array([np.cos(angle), np.sin(angle), 0]), np.array([-np.sin(angle), np.cos(angle), 0])
     side = np.array([0, 0, 1.0])
@@ -82,7 +82,7 @@ def _turned(degrees: float) -> ml.AreaLight:
 
 @pytest.mark.parametrize("preset", ["default", "brute-force", "area-2010", "area-2016"])
 def test_light_sets_without_a_jump(renderer: ml.Renderer, preset: str) -> None:
-    """A light turns about a small floor through its horizon: at every step what Lambert says, down to zero."""
+    """A light turns about a small floor through its horizon: always what Lambert says, down to zero."""
     exact, camera = preset == "default", view_down(4, 4, up=0.1, fov_y=10)
     steps = np.concatenate([np.linspace(14, -14, sized(20, 400)), [11.32, 11.30, 0.0, -11.3, -11.32]])
     settings = quick(preset).replace(light_samples=1024, light_pattern="grid", interleave=1)
