@@ -1,4 +1,4 @@
-"""The matrix of preset, light, material, indirect light, visibility: each renders, or refuses and says why."""
+"""The matrix of preset, light, material, indirect light and visibility: each renders, or says why not."""
 
 from __future__ import annotations
 
