@@ -215,3 +215,34 @@ def test_xml_that_includes_itself_ends(tmp_path: Path) -> None:
     path.write_text("<scene version='3.0.0'><include filename='scene.xml'/></scene>")
     with pytest.raises(ml.SceneError, match=r"scene\.xml is no Mitsuba scene"):
         ml.Scene.from_mitsuba(path)
+
+
+@pytest.mark.mitsuba
+@pytest.mark.parametrize("corner", [-1, 4, 2**31 - 1])
+def test_a_ply_corner_beyond_the_vertices_is_named(tmp_path: Path, corner: int) -> None:
+    """Mitsuba alone would follow it."""
+    mesh = trimesh.creation.icosphere(0)
+    mesh.export(tmp_path / "ball.ply", encoding="binary")
+    data = (tmp_path / "ball.ply").read_bytes()
+    head, end, body = data.partition(b"end_header\n")
+    at = len(mesh.vertices) * 12 + 1  # behind the count of the first triangle's corners
+    assert body[at - 1] == 3
+    beyond = corner if corner != 4 else len(mesh.vertices)
+    (tmp_path / "ball.ply").write_bytes(
+        head.replace(b"https", b"\xff\xfe") + end + body[:at] + struct.pack("<i", beyond) + body[at + 4 :]
+    )
+    path = tmp_path / "scene.xml"
+    shape = "<shape type='ply'><string name='filename' value='ball.ply'/></shape>"
+    path.write_text(f"<scene version='3.0.0'>{shape}</scene>")
+    with pytest.raises(ml.SceneError, match=rf"damaged: a triangle has vertex {beyond}; allowed: 0 to 11"):
+        ml.Scene.from_mitsuba(path)
+
+
+@pytest.mark.mitsuba
+def test_a_bitmap_without_a_file_is_named(tmp_path: Path) -> None:
+    path = tmp_path / "scene.xml"
+    trimesh.creation.icosphere(0).export(tmp_path / "ball.ply")
+    text = XML.format(kind="ply", mesh="ball.ply", image="x")
+    path.write_text(text.replace("<string name='filename' value='x'/>", ""))
+    with pytest.raises(ml.SceneError, match="a bitmap has no filename"):
+        ml.Scene.from_mitsuba(path)

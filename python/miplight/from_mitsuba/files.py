@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import io
 import warnings
 from pathlib import Path
 from typing import Any
@@ -21,16 +22,20 @@ def check_mesh(path: Path) -> None:
     Raises
     ------
     SceneError
-        If there are such.
+        If there are such, or the file is damaged in another way.
     """
     if path.suffix.lower() != ".ply":
         return
+    head, end, body = path.read_bytes().partition(b"end_header")
+    plain = bytes(byte if byte < 128 else ord("?") for byte in head)  # comments are in any encoding
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")
-            mesh = trimesh.load(str(path), process=False)
-    except Exception:  # of trimesh's parser: what it cannot read, Mitsuba may
-        return
+            mesh = trimesh.load(io.BytesIO(plain + end + body), file_type="ply", process=False)
+    except Exception as error:  # the parser raises whatever it stumbles over
+        raise SceneError(
+            f"{path.name} cannot be read ({type(error).__name__}: {error}); allowed: a whole PLY file"
+        ) from error
     faces, count = np.asarray(getattr(mesh, "faces", ())), len(getattr(mesh, "vertices", ()))
     beyond = faces[(faces < 0) | (faces >= count)]
     if beyond.size:

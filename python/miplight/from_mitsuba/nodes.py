@@ -73,6 +73,8 @@ class Node:
     def as_dict(self, *leave_out: str) -> dict[str, Any]:
         """Return what ``mitsuba.load_dict`` takes, with files by absolute path."""
         result: dict[str, Any] = {"type": self.plugin}
+        if self.plugin == "bitmap" and not {"filename", "bitmap", "data"} & set(self.values):
+            raise SceneError("a bitmap has no filename; allowed: one that has")  # Mitsuba 3.9 crashes
         for name, value in self.values.items():
             if name in leave_out or (isinstance(value, Node) and value.kind in leave_out):
                 continue
