@@ -75,8 +75,8 @@ def make(kind: str, folder: Path) -> tuple[Path, Path, Callable[[Path], object]]
         image = "picture.exr" if kind == "xml exr" else "picture.png"
         path = folder / "scene.xml"
         path.write_text(XML.format(kind=mesh[-3:], mesh=mesh, image=image))
-        spoilt = {"xml": "scene.xml", "xml png": image, "xml exr": image}.get(kind, mesh)
-        return folder / spoilt, path, ml.Scene.from_mitsuba
+        name = {"xml": "scene.xml", "xml png": image, "xml exr": image}.get(kind, mesh)
+        return folder / name, path, ml.Scene.from_mitsuba
     path = folder / f"ball.{kind.split()[0]}"
     ball = _ball()
     if kind == "ply ascii":

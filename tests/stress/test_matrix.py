@@ -41,7 +41,7 @@ def _refused(preset: str, indirect: str, visibility: str) -> str:
 
 def test_every_choice_is_in_the_matrix() -> None:
     assert list(KNOBS["indirect"].choices) == INDIRECT
-    assert sorted(KNOBS["visibility"].choices) == sorted(VISIBILITY)
+    assert set(KNOBS["visibility"].choices) == set(VISIBILITY)
     pairs = {
         pair
         for preset, indirect in itertools.product(PRESETS, INDIRECT)

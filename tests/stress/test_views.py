@@ -119,7 +119,8 @@ def test_near_and_far_in_one_view(
     rays = camera.ray_directions()
     points = (rays / -rays[..., 2:] * depth[..., None]).reshape(-1, 3)
     normals = np.tile((0.0, 0, 1), (len(points), 1))
-    expected = sum(light_irradiance(light, points, normals) for light in lights)[:, :] * ALBEDO / np.pi
+    irradiance = np.sum([light_irradiance(light, points, normals) for light in lights], axis=0)
+    expected = irradiance * ALBEDO / np.pi
     found = frame.direct.reshape(-1, 3)
     exact = preset == "default"
     for half, distance in ((points[:, 0] < 0, near), (points[:, 0] > 0, far)):
