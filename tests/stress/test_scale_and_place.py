@@ -30,6 +30,9 @@ def _off(found: np.ndarray, plain: np.ndarray) -> float:
 def test_size_does_not_matter(renderer: ml.Renderer, name: str) -> None:
     """A scene with its lights in other units, a spot's intensity with the square of them."""
     settings = variants()[name]
+    if settings.indirect == "splat":
+        # a virtual light on an edge falls to either side as numbers round: a share of 1 in their number
+        settings = settings.replace(vpls=4096)
     plain = _image(renderer, settings, np.eye(4), 1.0)
     for scale in SCALES:
         matrix = np.diag([scale, scale, scale, 1.0])
