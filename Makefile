@@ -54,6 +54,10 @@ test-rust: $(STAMP)/system $(STAMP)/extension ## Clippy and the Rust tests
 test-python: setup ## The Python tests
 	$(PYTEST)
 
+.PHONY: stress
+stress: setup ## The stress suite with more of everything; docs/stability.md says what it tries
+	MIPLIGHT_STRESS=long $(PYTEST) tests/stress --timeout 1800
+
 .PHONY: bench
 bench: setup ## Measure passes, rays, errors and Mitsuba; writes benches/results
 	$(BIN)/python benches/run.py

@@ -16,6 +16,8 @@ Emission, alpha and all other maps are reported in ``scene.report`` and not used
 from __future__ import annotations
 
 import dataclasses
+import struct
+import zlib
 from typing import Any
 
 import numpy as np
@@ -36,6 +38,8 @@ TextureCache = dict[tuple[int, bytes], tuple[Any, Material]]
 """Materials by image and factor: meshes with one image share one. Holding the image keeps its id alive."""
 
 _WHITE = np.ones(3)
+_UNREADABLE = (OSError, SyntaxError, EOFError, struct.error, zlib.error)
+"""What PIL raises while it decodes a damaged image."""
 
 
 @dataclasses.dataclass
@@ -97,7 +101,7 @@ def convert_mesh(
             _convert_texture_visuals(kind, result, textures)
         elif isinstance(kind, ColorVisuals):
             _convert_color_visuals(kind, result, linear=_is_gltf(mesh))
-    except OSError as error:  # images are decoded only now, and may be cut short
+    except _UNREADABLE as error:  # images are decoded only now, and may be damaged
         raise SceneError(
             f"{label}: its image cannot be read ({error}); allowed: a complete image file"
         ) from error

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import io
 import json
-import zipfile
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, TypeAlias
@@ -13,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .errors import SceneError
+from .stats import Stats
 from .validate import fail
 
 Parts: TypeAlias = tuple[dict[str, NDArray[Any]], dict[str, Any], dict[str, Any], tuple[int, int]]
@@ -94,9 +94,21 @@ def read_npz(path: Path) -> Parts:
         if about["format"] != _FORMAT:
             raise ValueError(f"format {about['format']!r}")
         width, height = about["size"]
-        return arrays, about["settings"], about["stats"], (int(width), int(height))
-    except (ValueError, KeyError, TypeError, EOFError, zipfile.BadZipFile) as error:
+        return _whole(arrays, about["settings"], about["stats"], (int(width), int(height)))
+    except Exception as error:  # zip, zlib, NumPy and JSON raise whatever they stumble over
         raise SceneError(f"{path} is not a frame that Frame.save wrote, or is cut short: {error}") from error
+
+
+def _whole(arrays: dict[str, NDArray[Any]], settings: Any, stats: Any, size: tuple[int, int]) -> Parts:
+    """The parts of a frame, if they fit together; a `ValueError` or `TypeError` if not."""
+    if not isinstance(settings, dict) or not isinstance(stats, dict):
+        raise TypeError("settings and statistics are no tables")
+    Stats.from_dict(stats)
+    width, height = size
+    image = arrays.get("image")
+    if image is not None and image.shape != (height, width, 3):
+        raise ValueError(f"the image has shape {image.shape}; allowed: {(height, width, 3)}")
+    return arrays, settings, stats, size
 
 
 def write_exr(
@@ -128,9 +140,9 @@ def read_exr(path: Path) -> Parts:
         with OpenEXR.File(str(path), separate_channels=True) as file:
             channels, header = file.channels(), dict(file.header())
             image = np.stack([channels[name].pixels for name in "RGB"], axis=-1).astype(np.float32)
-    except (RuntimeError, KeyError, ValueError, TypeError) as error:
+        settings = json.loads(header.get("miplight:settings", "{}"))
+        stats = json.loads(header.get("miplight:stats", "null")) or _NO_STATS
+        height, width = image.shape[:2]
+        return _whole({"image": image}, settings, stats, (width, height))
+    except Exception as error:  # the reader raises whatever it stumbles over, and so does JSON
         raise SceneError(f"{path} is not an EXR file with R, G and B, or is cut short: {error}") from error
-    settings = json.loads(header.get("miplight:settings", "{}"))
-    stats = json.loads(header.get("miplight:stats", "null")) or _NO_STATS
-    height, width = image.shape[:2]
-    return {"image": image}, settings, stats, (width, height)

@@ -12,6 +12,8 @@ from numpy.typing import NDArray
 
 from miplight.errors import SceneError
 
+from .files import check_mesh, read_exr
+
 __all__ = ["Document", "Node"]
 
 
@@ -60,14 +62,24 @@ class Node:
             f"filename is {str(name)!r}, which is not in {self.document.folder}; allowed: a file that exists"
         )
 
+    def _file(self) -> dict[str, Any]:
+        """Return a plugin's file as ``load_dict`` takes it: by absolute path, or what was read of it."""
+        path = self.path()
+        if self.plugin == "bitmap" and path.suffix.lower() == ".exr":
+            return {"bitmap": self.document.mi.Bitmap(read_exr(path))}
+        check_mesh(path)
+        return {"filename": str(path)}
+
     def as_dict(self, *leave_out: str) -> dict[str, Any]:
         """Return what ``mitsuba.load_dict`` takes, with files by absolute path."""
         result: dict[str, Any] = {"type": self.plugin}
+        if self.plugin == "bitmap" and not {"filename", "bitmap", "data"} & set(self.values):
+            raise SceneError("a bitmap has no filename; allowed: one that has")  # Mitsuba 3.9 crashes
         for name, value in self.values.items():
             if name in leave_out or (isinstance(value, Node) and value.kind in leave_out):
                 continue
             if name == "filename":
-                result[name] = str(self.path())
+                result |= self._file()
             else:
                 result[name] = value.as_dict() if isinstance(value, Node) else value
         return result
@@ -109,7 +121,12 @@ class Document:
             raise
         except Exception as error:  # the parser raises RuntimeError, the dict form several others
             raise SceneError(f"{name} is no Mitsuba scene: {error}") from error
-        document = cls(mi, state, name, folder)
+        try:
+            document = cls(mi, state, name, folder)
+        except UnicodeDecodeError as error:  # of names and values, which the parser takes as they are
+            raise SceneError(
+                f"{name} is no Mitsuba scene: it has text that is not UTF-8 ({error})"
+            ) from error
         if document.root.kind != "Scene":
             raise SceneError(f"{name} holds a {document.root.kind}; allowed: a scene")
         return document
