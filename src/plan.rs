@@ -80,7 +80,7 @@ impl Plan {
 
     /// Whether there is indirect light.
     pub fn runs_indirect(&self) -> bool {
-        [INDIRECT[0], RSM[0], LPV[2]].iter().any(|pass| self.runs(pass))
+        [INDIRECT[1], RSM[0], LPV[2]].iter().any(|pass| self.runs(pass))
     }
 
     /// Whether a pass runs.
@@ -275,6 +275,7 @@ mod tests {
             &LOBE_INTEGRAL,
             &LOBES,
             &INDIRECT,
+            &POINTS,
             &LPV,
             &RSM,
             &[RSM_TREE],

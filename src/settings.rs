@@ -1,5 +1,6 @@
 //! Every number and choice that a user can set: stated once, here, with its range, unit and source.
 
+mod gather_table;
 mod lpv_table;
 mod presets;
 mod spec;
@@ -13,8 +14,9 @@ pub use presets::{Changes, PRESETS};
 pub use spec::{Default, Kind, Spec, Value};
 
 /// By what they are of, in the order in which they are documented.
-const TABLES: [&[Spec]; 3] = [table::GENERAL, virtual_table::VIRTUAL, lpv_table::LPV];
-const COUNT: usize = table::GENERAL.len() + virtual_table::VIRTUAL.len() + lpv_table::LPV.len();
+const TABLES: [&[Spec]; 4] = [table::GENERAL, gather_table::GATHER, virtual_table::VIRTUAL, lpv_table::LPV];
+const COUNT: usize =
+    table::GENERAL.len() + gather_table::GATHER.len() + virtual_table::VIRTUAL.len() + lpv_table::LPV.len();
 
 /// All settings, in the order in which they are documented.
 pub const SPECS: &[Spec] = &{

@@ -2,12 +2,12 @@
 
 struct GatherPoint {
     position: vec3f,
-    inverse: f32,       // mean of 1 / distance to what its rays met
+    inverse: f32,       // sum of 1 / distance to what its rays met
     normal: vec3f,      // shading normal
     level: u32,
     // Vector irradiance: its product with a normal near its own is the irradiance there, and exactly so for its own.
     red: vec3f,
-    pad0: u32,
+    met: f32,           // rays that met something: what is not there changes nothing
     green: vec3f,
     pad1: u32,
     blue: vec3f,
@@ -42,21 +42,41 @@ fn fade(square: f32) -> f32 {
 
 // From 1 to 0 how far a point holds at p with normal n, where pixels are `width` wide.
 fn holds(point: GatherPoint, reach: f32, p: vec3f, n: vec3f, width: f32) -> f32 {
-    let far = max(reach / max(point.inverse, 1e-30), LEAST_PIXELS * width);
+    let far = max(reach * point.met / max(point.inverse, 1e-30), LEAST_PIXELS * width);
     let d = p - point.position;
     let off = OFF_PLANE * dot(d, point.normal);
     let turned = (point.normal - n) * (1.0 / MOST_TURNED);
     return fade((dot(d, d) + off * off) / (far * far)) * fade(dot(turned, turned));
 }
 
-// What its gradients add at p.
-fn change_at(point: GatherPoint, p: vec3f) -> vec3f {
-    let d = p - point.position;
-    return vec3f(dot(point.red_slope, d), dot(point.green_slope, d), dot(point.blue_slope, d));
+// A weighted mean of points at one place. Of what gradients add half is taken with each point, which cancels the error of
+// second order that a mean of points around the place makes without them, and the other half about the points' middle,
+// which is what they lack on one side [WH92].
+struct PointMean {
+    weight: f32,
+    away: vec3f,        // from the points to the place
+    light: vec3f,
+    change: vec3f,
+    red_slope: vec3f,
+    green_slope: vec3f,
+    blue_slope: vec3f,
 }
 
-// Irradiance at p with normal n: no more than twice of what the point has, no less than a quarter.
-fn irradiance_at(point: GatherPoint, p: vec3f, n: vec3f) -> vec3f {
-    let own = max(vec3f(dot(point.red, n), dot(point.green, n), dot(point.blue, n)), vec3f(0.0));
-    return own + clamp(change_at(point, p), -0.75 * own, own);
+fn add_point(mean: ptr<function, PointMean>, point: GatherPoint, weight: f32, p: vec3f, n: vec3f) {
+    let d = p - point.position;
+    let change = vec3f(dot(point.red_slope, d), dot(point.green_slope, d), dot(point.blue_slope, d));
+    (*mean).weight += weight;
+    (*mean).away += weight * d;
+    (*mean).light += weight * max(vec3f(dot(point.red, n), dot(point.green, n), dot(point.blue, n)), vec3f(0.0));
+    (*mean).change += weight * change;
+    (*mean).red_slope += weight * point.red_slope;
+    (*mean).green_slope += weight * point.green_slope;
+    (*mean).blue_slope += weight * point.blue_slope;
+}
+
+// What gradients add to the light of a mean, both times its weight: no more than the light, no less than three quarters off.
+fn added(mean: PointMean) -> vec3f {
+    let middle = mean.away / max(mean.weight, 1e-30);
+    let about = vec3f(dot(mean.red_slope, middle), dot(mean.green_slope, middle), dot(mean.blue_slope, middle));
+    return clamp(0.5 * (mean.change + about), -0.75 * mean.light, mean.light);
 }

@@ -57,6 +57,14 @@ pub const LOBES: [&str; 5] =
 /// Passes of indirect light by a final gather.
 pub const INDIRECT: [&str; 5] =
     ["indirect/gather_rays", "indirect/trace", "indirect/gather_hits", "indirect/shadow", "indirect/gather_sum"];
+/// Passes of a final gather at points between the pixels.
+pub const POINTS: [&str; 5] = [
+    "indirect/point_pixels",
+    "indirect/point_list",
+    "indirect/point_rays",
+    "indirect/point_sums",
+    "indirect/point_smooth",
+];
 /// Passes of indirect light by a propagation volume; the first two and the last where nothing of it is kept.
 pub const LPV: [&str; 7] = [
     "indirect/surface_samples",

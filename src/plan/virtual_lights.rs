@@ -1,9 +1,9 @@
 //! The part of the plan that is indirect light.
 
 use super::names::{
-    INDIRECT, LPV, RSM, RSM_TREE, TRANSPORT, VPL_FRAGMENTS, VPL_LISTS, VPL_UPSAMPLE, VPL_VISIBLE, VPLS,
+    INDIRECT, LPV, POINTS, RSM, RSM_TREE, TRANSPORT, VPL_FRAGMENTS, VPL_LISTS, VPL_UPSAMPLE, VPL_VISIBLE, VPLS,
 };
-use super::{Plan, Valid, has_lists_per_light, has_volume, indirect_from_virtual_lights};
+use super::{Plan, Valid, gathers_at_points, has_lists_per_light, has_volume, indirect_from_virtual_lights};
 use crate::settings::Settings;
 
 impl Plan {
@@ -13,9 +13,15 @@ impl Plan {
         let by_rays = gathers.then_some("indirect light is gathered by rays: indirect is final-gather");
         let by_lights = indirect_from_virtual_lights(settings).then_some("indirect light comes from virtual lights");
         let by_cells = has_volume(settings).then_some("indirect light comes from a volume: indirect is lpv");
-        self.add(&INDIRECT[..2], skip.or(by_lights).or(by_cells));
+        let at_points = gathers_at_points(settings).then_some("points between the pixels gather: refine is not none");
+        let other = skip.or(by_lights).or(by_cells);
+        self.add(&INDIRECT[..1], other.or(at_points));
+        self.add(&INDIRECT[1..2], other);
+        let pixels = gathers.then_some("every pixel gathers for itself: refine is none");
+        self.add(&POINTS, other.or(if gathers_at_points(settings) { None } else { pixels }));
         self.add_volume(settings, valid, skip.or(by_rays).or(by_lights));
-        self.add(&INDIRECT[2..], skip.or(by_lights));
+        self.add(&INDIRECT[2..4], skip.or(by_lights));
+        self.add(&INDIRECT[4..], skip.or(by_lights).or(at_points));
         self.add_virtual_lights(settings, skip.or(by_rays).or(by_cells));
         self.add_virtual_fragments(settings, skip.or(by_rays));
     }

@@ -33,7 +33,7 @@ fn twins() -> Vec<(Layout, &'static str, &'static str)> {
     let ray = host_layout!(Ray { origin, t_min, direction, t_max });
     let hit = host_layout!(Hit { t, u, v, instance, triangle });
     let receiver = host_layout!(Receiver { origin, pattern, normal_geo, flags, normal_shade, pixel });
-    let path = host_layout!(GatherPath { throughput, pixel, pending, stratum });
+    let path = host_layout!(GatherPath { throughput, pixel, pending, stratum, slope, pad });
     let gather = host_layout!(GatherParams { strata, words, light, pad });
     let composite = host_layout!(CompositeParams { direct, indirect, pad0, pad1 });
     let downsample = host_layout!(DownsampleParams { width, height, factor, pad });

@@ -6,7 +6,7 @@
 // In: G-buffer, points of the level. In and out: sums and coverage a pixel. Out: marks.
 
 import package::common::fragment::{LEVEL_NOTHING, REASON_COARSEST, REASON_ILLUMINATION, REASON_NOTHING};
-import package::common::gather_point::{GatherPoint, PointParams, holds, irradiance_at};
+import package::common::gather_point::{GatherPoint, PointMean, PointParams, add_point, added, holds};
 import package::common::gbuffer::{SURFACE, floats};
 import package::common::grid::{Grid, item_index};
 import package::common::pyramid::{pyramid, texel_number, texel_of};
@@ -76,7 +76,7 @@ fn interpolate(
     let place = (vec2f(pixel) + 0.5) / f32(1u << level) - 0.5;
     let corner = floor(place);
     let part = place - corner;
-    var sum = vec4f(0.0);
+    var mean: PointMean;
     for (var k = 0u; k < 4u; k++) {
         let step = vec2u(k & 1u, k >> 1u);
         let block = clamp(vec2i(corner) + vec2i(step), vec2i(0), vec2i(size.xy) - 1);
@@ -85,13 +85,13 @@ fn interpolate(
             let point = points[at - 1u];
             let weights = select(1.0 - part, part, step == vec2u(1u));
             let weight = weights.x * weights.y * holds(point, params.reach, p, n, width);
-            sum += weight * vec4f(irradiance_at(point, p, n), 1.0);
+            add_point(&mean, point, weight, p, n);
         }
     }
     // Points of a level count four times those of the next.
     let share = exp2(2.0 * f32(pyramid.coarsest - level));
-    sums[i] += share * sum;
-    let covered = coverage[i] + sum.w;
+    sums[i] += share * vec4f(mean.light + added(mean), mean.weight);
+    let covered = coverage[i] + mean.weight;
     coverage[i] = covered;
     if level > 0u && covered < params.covered {
         mark(level - 1u, pixel);

@@ -1,7 +1,7 @@
 // Means of what neighbouring points of a level found, as far as each holds at the other: noise falls with their number.
 // In: points as they were gathered. Out: the same of smoother light.
 
-import package::common::gather_point::{GatherPoint, PointParams, change_at, holds};
+import package::common::gather_point::{GatherPoint, PointMean, PointParams, add_point, added, holds};
 import package::common::grid::{Grid, item_index};
 import package::common::pyramid::{pyramid, texel_number, texel_of};
 
@@ -28,11 +28,13 @@ fn main(
     var own = points[params.first + i];
     let size = pyramid.levels[pyramid.level];
     let middle = vec2i(texel_of(size, blocks[i]));
-    let here = own.position;
-    var weights = 1.0;
+    var mean: PointMean;
+    var red = vec3f(0.0);
+    var green = vec3f(0.0);
+    var blue = vec3f(0.0);
     for (var k = 0u; k < SIDE * SIDE; k++) {
         let block = middle + vec2i(vec2u(k % SIDE, k / SIDE)) - i32(SIDE / 2u);
-        if all(block == middle) || any(block < vec2i(0)) || any(block >= vec2i(size.xy)) {
+        if any(block < vec2i(0)) || any(block >= vec2i(size.xy)) {
             continue;
         }
         let at = point_at[texel_number(size, vec2u(block))];
@@ -44,20 +46,18 @@ fn main(
             holds(other, params.reach, own.position, own.normal, 0.0),
             holds(own, params.reach, other.position, other.normal, 0.0),
         );
-        weights += weight;
-        let change = change_at(other, here);
-        own.red += weight * (other.red + change.x * own.normal);
-        own.green += weight * (other.green + change.y * own.normal);
-        own.blue += weight * (other.blue + change.z * own.normal);
-        own.red_slope += weight * other.red_slope;
-        own.green_slope += weight * other.green_slope;
-        own.blue_slope += weight * other.blue_slope;
+        add_point(&mean, other, weight, own.position, own.normal);
+        red += weight * other.red;
+        green += weight * other.green;
+        blue += weight * other.blue;
     }
-    own.red /= weights;
-    own.green /= weights;
-    own.blue /= weights;
-    own.red_slope /= weights;
-    own.green_slope /= weights;
-    own.blue_slope /= weights;
+    let more = added(mean);
+    let share = 1.0 / mean.weight;
+    own.red = share * (red + more.x * own.normal);
+    own.green = share * (green + more.y * own.normal);
+    own.blue = share * (blue + more.z * own.normal);
+    own.red_slope = share * mean.red_slope;
+    own.green_slope = share * mean.green_slope;
+    own.blue_slope = share * mean.blue_slope;
     smoothed[params.first + i] = own;
 }

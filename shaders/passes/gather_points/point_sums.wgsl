@@ -1,5 +1,5 @@
 // Adds what a wave's rays found to the points that sent them, stratum by stratum in a fixed order.
-//   distances  mean of 1 / distance to what was met, before the rays go on
+//   distances  sum of 1 / distance to what was met, before the rays go on
 //   light      vector irradiance, of what shadow rays let through
 // In: hits; paths, occlusion bits. In and out: points.
 
@@ -40,12 +40,15 @@ fn distances(
         return;
     }
     var sum = 0.0;
+    var count = 0.0;
     for (var s = 0u; s < wave.strata; s++) {
         let i = first_of(p) + s * TILE_PIXELS;
         let met = rays[i].t_max > rays[i].t_min && hits[i].instance != MISS;
         sum += select(0.0, 1.0 / max(hits[i].t, NEAREST), met);
+        count += select(0.0, 1.0, met);
     }
-    points[params.first + number].inverse += sum / f32(wave.strata_u * wave.strata_v);
+    points[params.first + number].inverse += sum;
+    points[params.first + number].met += count;
 }
 
 @compute @workgroup_size(64)

@@ -23,7 +23,7 @@ use crate::scene::prepare::strata_grid;
 pub struct GatherPoint {
     /// Scene space.
     pub position: [f32; 3],
-    /// Mean of 1 / distance to what its rays met.
+    /// Sum of 1 / distance to what its rays met.
     pub inverse: f32,
     /// Shading normal.
     pub normal: [f32; 3],
@@ -31,8 +31,8 @@ pub struct GatherPoint {
     pub level: u32,
     /// Vector irradiance.
     pub red: [f32; 3],
-    /// Unused.
-    pub pad0: u32,
+    /// Rays that met something.
+    pub met: f32,
     /// Vector irradiance.
     pub green: [f32; 3],
     /// Unused.
@@ -121,7 +121,8 @@ pub fn record(context: &mut Context<'_, '_>, gbuffer: &GBuffer) -> Result<Indire
             break;
         }
         points.points = context.grown("points", first as usize, (first + count) as usize)?;
-        let params = PointParams { reach: reach(context), first, count, covered: if level == 1 { ALONE } else { COVERED } };
+        let params =
+            PointParams { reach: reach(context), first, count, covered: if level == 1 { ALONE } else { COVERED } };
         gather(context, gbuffer, &points, &params)?;
         let held = point_smooth::record(context, &points, &params)?;
         context.recorder.clear(&points.marks)?;
@@ -132,7 +133,7 @@ pub fn record(context: &mut Context<'_, '_>, gbuffer: &GBuffer) -> Result<Indire
 }
 
 fn reach(context: &Context<'_, '_>) -> f32 {
-    context.settings.float("gather_reach").unwrap_or(0.5) as f32
+    context.settings.float("gather_reach").unwrap_or(0.6) as f32
 }
 
 /// How many blocks of the level gather; their list.

@@ -8,10 +8,16 @@ use crate::passes::Context;
 ///
 /// # Errors
 /// Those of the device.
-pub(in crate::passes) fn record(context: &mut Context<'_, '_>, wave: &GatherWave, lists: &Lists, slopes: bool) -> Result<()> {
+pub(in crate::passes) fn record(
+    context: &mut Context<'_, '_>,
+    wave: &GatherWave,
+    lists: &Lists,
+    slopes: bool,
+) -> Result<()> {
     let features = context.prepared.features();
     let later = f64::from(u8::from(wave.bounce > 0));
-    let constants = [("FEATURES", features.into()), ("LAST", wave.last.into()), ("LATER", later), ("SLOPES", slopes.into())];
+    let constants =
+        [("FEATURES", features.into()), ("LAST", wave.last.into()), ("LATER", later), ("SLOPES", slopes.into())];
     let kernel = context.kernel_with("indirect/gather_hits", "main", &constants)?;
     let scene = context.scene;
     context

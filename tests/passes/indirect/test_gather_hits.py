@@ -56,12 +56,15 @@ def _case(
     return Case(meshes, lights, random_hits(rng, meshes, count), rays, paths)
 
 
-def _run(runner: Runner, case: Case, **wave: int) -> tuple[NDArray[Any], NDArray[Any], NDArray[Any]]:
+def _run(
+    runner: Runner, case: Case, slopes: bool = False, **wave: int
+) -> tuple[NDArray[Any], NDArray[Any], NDArray[Any]]:
     """Rays that go on, shadow rays, paths."""
     values = {"lights": len(case.lights), "seed": 5, "strata": 64, "tiles": 1, **wave}
     out = runner(
         "passes/indirect/gather_hits",
         len(case.hits),
+        constants={"LAST": values.get("last", 0), "LATER": values.get("bounce", 0) > 0, "SLOPES": slopes},
         wave=record(GATHER_WAVE, **values),
         hits=case.hits,
         rays=case.rays,
@@ -80,6 +83,10 @@ def _places(paths: NDArray[Any], seed: int, bounce: int = 0) -> Array:
     start = pcg4d(paths["pixel"], 0, 3, seed)[:, :3] / 2.0**32
     places: Array = (start + paths["stratum"].astype(np.float64)[:, None] * R3) % 1.0
     return places
+
+
+def _unit(v: Array) -> Array:
+    return v / np.linalg.norm(v, axis=1, keepdims=True)
 
 
 def _active(rays: NDArray[Any]) -> NDArray[np.bool_]:
@@ -237,6 +244,35 @@ def test_rays_go_on_about_the_shading_normal(runner: Runner, rng: np.random.Gene
     worth = case.paths["throughput"] * s.albedo
     assert_within(paths["throughput"], worth, 2e-5 * case.paths["throughput"], "throughput")
     assert_not_within(paths["throughput"], worth / np.pi, 2e-5 * case.paths["throughput"])
+
+
+def test_slopes_are_gradients_of_what_a_patch_fills(runner: Runner, rng: np.random.Generator) -> None:
+    """Of log(cos cos' / r²) by the ray's origin, but for the part along its own normal [WH92]."""
+    case = _case(rng, [random_area(rng)])
+    case.rays["origin"] = rng.normal(size=(len(case.rays), 3))
+    s = surfaces(case.meshes, case.hits, case.rays["direction"].astype(np.float64))
+    start = case.rays["origin"].astype(np.float64)
+    cosine = -(s.normal_geo * _unit(s.position - start)).sum(axis=1)
+    clear = cosine > 0.3
+    _, _, paths = _run(runner, case, slopes=True)
+
+    def logarithm(origin: Array) -> Array:
+        """Of (−n'·d) / r⁴; the factor n·d changes along the surface's normal alone."""
+        d = s.position - origin
+        return np.log(np.where(clear, -(s.normal_geo * d).sum(axis=1), 1)) - 4 * np.log(
+            np.linalg.norm(d, axis=1)
+        )
+
+    step, expected = 1e-5, np.zeros((len(start), 3))
+    for axis, unit in enumerate(np.eye(3) * step):
+        expected[:, axis] = (logarithm(start + unit) - logarithm(start - unit)) / (2 * step)
+    size = np.linalg.norm(expected, axis=1, keepdims=True)
+    found = paths["slope"].astype(np.float64)
+    assert clear.sum() > 500
+    assert_within(found[clear], expected[clear], 1e-4 * size[clear], "slopes")
+    assert_not_within(found[clear], 1.1 * expected[clear], 1e-4 * size[clear])
+    _, _, without = _run(runner, case)
+    assert (without["slope"] == 0).all()
 
 
 def test_the_last_bounce_sends_no_ray(runner: Runner, rng: np.random.Generator) -> None:

@@ -56,7 +56,14 @@ INSTANCE = np.dtype(
     ]
 )
 GATHER_PATH = np.dtype(
-    [("throughput", "<f4", 3), ("pixel", "<u4"), ("pending", "<f4", 3), ("stratum", "<u4")]
+    [
+        ("throughput", "<f4", 3),
+        ("pixel", "<u4"),
+        ("pending", "<f4", 3),
+        ("stratum", "<u4"),
+        ("slope", "<f4", 3),
+        ("pad", "<u4"),
+    ]
 )
 GATHER_WAVE = np.dtype(
     _fields("width", "height", "first_tile", "tiles", "first_stratum", "strata", "strata_u", "strata_v")

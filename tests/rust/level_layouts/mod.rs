@@ -4,6 +4,7 @@ use miplight::gpu::layout::Layout;
 use miplight::host_layout;
 use miplight::passes::composite::composite::ModulateParams;
 use miplight::passes::gather::interleaved::InterleavedParams;
+use miplight::passes::gather_points::{GatherPoint, PointParams};
 use miplight::passes::indirect::light_cut::CutParams;
 use miplight::passes::indirect::vpl_gather::VplGatherParams;
 use miplight::passes::indirect::vpl_splat::VplSplatParams;
@@ -45,6 +46,7 @@ pub(crate) fn twins() -> Vec<(Layout, &'static str, &'static str)> {
     let extra = host_layout!(ExtraSamplesParams { patterns, seed, pad0, pad1 });
     let mut all = lobes();
     all.extend(volumes());
+    all.extend(gather_points());
     all.extend(virtual_lights());
     all.extend(virtual_lists());
     all.extend(virtual_fragments());
@@ -257,6 +259,29 @@ fn volumes() -> Vec<(Layout, &'static str, &'static str)> {
         (host_layout!(LookUpParams { scale, pad0, pad1, pad2 }), "passes/lpv/look_up", "LookUpParams"),
         (propagate, "passes/lpv/propagate", "PropagateParams"),
     ]
+}
+
+fn gather_points() -> Vec<(Layout, &'static str, &'static str)> {
+    let point = host_layout!(GatherPoint {
+        position,
+        inverse,
+        normal,
+        level,
+        red,
+        met,
+        green,
+        pad1,
+        blue,
+        pad2,
+        red_slope,
+        pad3,
+        green_slope,
+        pad4,
+        blue_slope,
+        pad5
+    });
+    let params = host_layout!(PointParams { reach, first, count, covered });
+    vec![(point, "common/gather_point", "GatherPoint"), (params, "common/gather_point", "PointParams")]
 }
 
 #[test]
