@@ -30,39 +30,60 @@ fn light_weight(light: Light, p: vec3f, normal_geo: vec3f) -> f32 {
     return select(weight, 0.0, behind || highest <= 0.0);
 }
 
-// `places`: two for the place on the light, the third for which light.
-fn choose_light_point(count: u32, p: vec3f, normal_geo: vec3f, places: vec3f) -> LightPoint {
-    var none: LightPoint;
-    none.found = false;
+// Which light, over how likely it is; over zero where none can add anything.
+struct Chosen {
+    light: u32,
+    over_chance: f32,
+}
+
+fn choose_light(count: u32, p: vec3f, normal_geo: vec3f, place: f32) -> Chosen {
     var total = 0.0;
     for (var i = 0u; i < count; i++) {
         total += light_weight(light_at(i), p, normal_geo);
     }
-    if !(total > 0.0) {
-        return none;
-    }
-    var left = places.z * total;
-    var chosen = 0u;
-    var weight = 0.0;
+    var left = place * total;
+    var chosen = Chosen(0u, 0.0);
     for (var i = 0u; i < count; i++) {
         let w = light_weight(light_at(i), p, normal_geo);
         if w > 0.0 {
-            chosen = i;
-            weight = w;
+            chosen = Chosen(i, total / w);
             left -= w;
             if left < 0.0 {
                 break;
             }
         }
     }
-    let light = light_at(chosen);
-    let over_chance = total / weight;
+    return chosen;
+}
+
+// What the lights of a scene are like, as constants, which leave out code that a device without branches would execute.
+const SEVERAL: u32 = 1u;
+const PICTURES: u32 = 2u;
+
+// `places`: two for the place on the light, the third for which light.
+fn choose_light_point(count: u32, features: u32, p: vec3f, normal_geo: vec3f, places: vec3f) -> LightPoint {
+    var none: LightPoint;
+    none.found = false;
+    var chosen = Chosen(0u, 1.0);
+    if (features & SEVERAL) != 0u {
+        chosen = choose_light(count, p, normal_geo, places.z);
+    } else {
+        chosen.over_chance = select(0.0, 1.0, light_weight(light_at(0u), p, normal_geo) > 0.0);
+    }
+    if chosen.over_chance == 0.0 {
+        return none;
+    }
+    let light = light_at(chosen.light);
     if light.kind == SPOT {
-        return LightPoint(light.corner, chosen, light.radiance * over_chance, true);
+        return LightPoint(light.corner, chosen.light, light.radiance * chosen.over_chance, true);
     }
     let position = light.corner + places.x * light.edge_u + places.y * light.edge_v;
     let w = normalize(position - p);
     let facing = -dot(light.normal, w);
     let cos_l = select(max(0.0, facing), abs(facing), light.two_sided);
-    return LightPoint(position, chosen, light_radiance_at(light, places.xy) * (light.area * cos_l * over_chance), cos_l > 0.0);
+    var radiance = light.radiance;
+    if (features & PICTURES) != 0u {
+        radiance = light_radiance_at(light, places.xy);
+    }
+    return LightPoint(position, chosen.light, radiance * (light.area * cos_l * chosen.over_chance), cos_l > 0.0);
 }

@@ -13,6 +13,8 @@ import package::common::surface::{NO_LIGHT, ORIGIN_ERROR, Surface, geometry, ins
 
 // Of the instances: SMOOTH, COLORS, TEXTURE.
 override FEATURES: u32 = 7u;
+// Of the lights: SEVERAL, PICTURES.
+override LIGHTS: u32 = 3u;
 // 1: no ray goes on from these hits; 1: they are of a later bounce. As constants, for what they leave out is a third of it.
 override LAST: u32 = 0u;
 override LATER: u32 = 0u;
@@ -55,7 +57,7 @@ fn slope_of(s: Surface, ray: Ray) -> vec3f {
 
 // Irradiance of the pixel that the shadow ray carries; zero and no ray where no light can be seen.
 fn light_hit(s: Surface, origin: vec3f, path: GatherPath, i: u32) -> vec3f {
-    let point = choose_light_point(wave.lights, origin, s.normal_geo, light_places(path));
+    let point = choose_light_point(wave.lights, LIGHTS, origin, s.normal_geo, light_places(path));
     shadow_rays[i] = inactive_ray();
     if !point.found {
         return vec3f(0.0);

@@ -14,10 +14,17 @@ pub(in crate::passes) fn record(
     lists: &Lists,
     slopes: bool,
 ) -> Result<()> {
+    let pictures = !context.prepared.light_textures.is_empty();
+    let lights = f64::from(u8::from(wave.lights != 1)) + 2.0 * f64::from(u8::from(pictures));
     let features = context.prepared.features();
     let later = f64::from(u8::from(wave.bounce > 0));
-    let constants =
-        [("FEATURES", features.into()), ("LAST", wave.last.into()), ("LATER", later), ("SLOPES", slopes.into())];
+    let constants = [
+        ("FEATURES", features.into()),
+        ("LIGHTS", lights),
+        ("LAST", wave.last.into()),
+        ("LATER", later),
+        ("SLOPES", slopes.into()),
+    ];
     let kernel = context.kernel_with("indirect/gather_hits", "main", &constants)?;
     let scene = context.scene;
     context

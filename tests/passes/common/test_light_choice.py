@@ -23,7 +23,7 @@ def _choose(
     runner: Runner, lights: list[Light], p: Array, n: Array, places: NDArray[np.float32]
 ) -> dict[str, NDArray[Any]]:
     body = f"""
-    let c = choose_light_point({len(lights)}u, given[0].xyz, given[1].xyz, given[i].xyz);
+    let c = choose_light_point({len(lights)}u, 3u, given[0].xyz, given[1].xyz, given[i].xyz);
     answer[2u * i] = vec4f(c.position, f32(c.index));
     answer[2u * i + 1u] = vec4f(c.radiance, f32(c.found));"""
     given = np.zeros((len(places) + 2, 4), np.float32)
