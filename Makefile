@@ -78,6 +78,10 @@ bench-area-2016: setup ## Hold paper D's preset against its bounds; writes bench
 bench-virtual-lights: setup ## Hold the presets of papers A and B against their bounds; writes benches/results
 	$(BIN)/python benches/virtual_lights.py
 
+.PHONY: bench-one-bounce
+bench-one-bounce: setup ## Hold direct light and one bounce by the default against Mitsuba and other methods; writes benches/results
+	$(BIN)/python benches/one_bounce.py --write
+
 .PHONY: bench-gpu
 bench-gpu: setup ## The same on a GPU, without Mitsuba
 	$(BIN)/python benches/run.py --adapter gpu --no-mitsuba

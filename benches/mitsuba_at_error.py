@@ -36,10 +36,19 @@ class Peer:
         What is rendered, from where.
     sampler
         Of Mitsuba.
+    integrators
+        By name: which may do the job; by default those of direct light.
     """
 
-    def __init__(self, scene: ml.Scene, camera: ml.Camera, sampler: str = "multijitter") -> None:
+    def __init__(
+        self,
+        scene: ml.Scene,
+        camera: ml.Camera,
+        sampler: str = "multijitter",
+        integrators: dict[str, dict[str, Any]] | None = None,
+    ) -> None:
         self.scene, self.camera, self.sampler = scene, camera, sampler
+        self.integrators = integrators or INTEGRATORS
 
     def time_to(self, error: float, reference: Reference, mask: NDArray[np.bool_]) -> dict[str, Any]:
         """Milliseconds to a relative RMSE, by the faster integrator.
@@ -50,8 +59,8 @@ class Peer:
             ms, integrator, bound ("=": between two counts, ">": 1,024 samples are not good enough, "<": 16
             are better already), points [(spp, ms, error)] of what was timed.
         """
-        swept = {name: self._errors(name, error, reference, mask) for name in INTEGRATORS}
-        work = {name: COST[name] * _samples_to(error, errors) for name, errors in swept.items()}
+        swept = {name: self._errors(name, error, reference, mask) for name in self.integrators}
+        work = {name: COST.get(name, 1.0) * _samples_to(error, errors) for name, errors in swept.items()}
         best = min(work, key=lambda name: work[name])
         return self._at(best, error, swept[best]) | {"integrator": best}
 
@@ -101,7 +110,7 @@ class Peer:
                 spp=spp,
                 sampler=self.sampler,
                 pixel="center",
-                integrator=INTEGRATORS[name],
+                integrator=self.integrators[name],
             )
             loaded = mi.load_dict(description)
             image = np.array(mi.render(loaded, spp=spp, seed=0))

@@ -88,7 +88,7 @@ pub const PRESETS: &[(&str, Option<Changes>)] = &[
             ("direct_estimator", Default::Text("ratio")),
             ("refine", Default::Text("one-pass")),
             ("visibility_reuse", Default::Text("incremental")),
-            ("gather_rays", Default::Int(128)),
+            ("gather_rays", Default::Int(256)),
             ("coarsest_level", Default::Int(5)),
             // Normals and depths do not matter to what is exact at each pixel: shadows alone refine.
             ("depth_threshold", Default::None),
