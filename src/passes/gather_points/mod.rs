@@ -145,15 +145,16 @@ fn listed(context: &mut Context<'_, '_>, points: &Points) -> Result<u32> {
     Ok(context.recorder.fetch(&[&arguments])?[0][3])
 }
 
-/// Rays of a point of `level`: their noise spreads over its block's pixels, and the root of their number is what each is
-/// worth.
-fn rays_of(rays: u32, level: u32) -> u32 {
-    if level == 0 { (rays / 2).max(LEAST_RAYS.min(rays)) } else { rays }
+/// Rays of a point `below` levels from the coarsest: its noise spreads over a quarter of the pixels, and its neighbours lie
+/// nearer, so that each is worth the root of two less.
+fn rays_of(rays: u32, below: u32) -> u32 {
+    let share = 0.5_f64.powf(f64::from(below) / 2.0);
+    ((f64::from(rays) * share).round() as u32).max(LEAST_RAYS.min(rays))
 }
 
 fn gather(context: &mut Context<'_, '_>, gbuffer: &GBuffer, points: &Points, params: &PointParams) -> Result<()> {
     point_rays::begin(context, gbuffer, points, params)?;
-    let rays = rays_of(context.settings.int("gather_rays"), points.pyramid.level);
+    let rays = rays_of(context.settings.int("gather_rays"), points.pyramid.coarsest - points.pyramid.level);
     let [strata_u, strata_v] = strata_grid(rays, 1.0, 1.0);
     let capacity = wave_capacity(context);
     let tiles = params.count.div_ceil(TILE_PIXELS);
