@@ -25,9 +25,9 @@ struct ReuseParams {
 // True when the surface faces the sample and the light emits towards the surface, as in `shadow`.
 fn faces(receiver: Receiver, point: vec4f) -> bool {
     let d = point.xyz - receiver.origin;
-    let emits = params.two_sided != 0u || dot(params.light_normal, d) < 0.0;
-    let cone = params.cos_cutoff <= -1.0 || params.cos_cutoff * length(d) <= -dot(params.cone_axis, d);
-    return emits && cone && dot(receiver.normal_geo, d) > 0.0 && dot(receiver.normal_shade, d) > 0.0;
+    let emits = (params.two_sided != 0u) | (dot(params.light_normal, d) < 0.0);
+    let cone = (params.cos_cutoff <= -1.0) | (params.cos_cutoff * length(d) <= -dot(params.cone_axis, d));
+    return emits & cone & (dot(receiver.normal_geo, d) > 0.0) & (dot(receiver.normal_shade, d) > 0.0);
 }
 
 fn behind(v: vec4f) -> vec2<bool> {
@@ -46,8 +46,8 @@ fn whole(receiver: Receiver) -> vec2<bool> {
     let geo = behind(vec4f(dot(g, d0), dot(g, d1), dot(g, d2), dot(g, d3)));
     let shade = behind(vec4f(dot(s, d0), dot(s, d1), dot(s, d2), dot(s, d3)));
     // The same for all of the light, but for rounding.
-    let emits = params.two_sided != 0u || dot(params.light_normal, d0) < 0.0;
-    return vec2<bool>(geo.x || shade.x || !emits, geo.y || shade.y || params.cos_cutoff > -1.0 || !emits);
+    let emits = (params.two_sided != 0u) | (dot(params.light_normal, d0) < 0.0);
+    return vec2<bool>(geo.x | shade.x | !emits, geo.y | shade.y | (params.cos_cutoff > -1.0) | !emits);
 }
 
 // Of one word: samples that face the surface. Only where the horizon cuts the light they are looked at one by one.

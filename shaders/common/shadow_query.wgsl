@@ -15,7 +15,7 @@ struct ShadowParams {
 
 // True when the surface faces the sample and the light emits towards the surface; `d` leads to the sample.
 fn faces(params: ShadowParams, receiver: Receiver, d: vec3<f32>) -> bool {
-    let emits = params.two_sided != 0u || dot(params.light_normal, d) < 0.0;
-    let cone = params.cos_cutoff <= -1.0 || params.cos_cutoff * length(d) <= -dot(params.cone_axis, d);
-    return emits && cone && dot(receiver.normal_geo, d) > 0.0 && dot(receiver.normal_shade, d) > 0.0;
+    let emits = (params.two_sided != 0u) | (dot(params.light_normal, d) < 0.0);
+    let cone = (params.cos_cutoff <= -1.0) | (params.cos_cutoff * length(d) <= -dot(params.cone_axis, d));
+    return emits & cone & (dot(receiver.normal_geo, d) > 0.0) & (dot(receiver.normal_shade, d) > 0.0);
 }

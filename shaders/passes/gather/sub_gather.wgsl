@@ -6,7 +6,7 @@
 //   pixels  from pixels
 // In: nodes, bits, sample points and their radiance times area. In and out: node_irradiance.
 
-import package::common::grid::{Grid, item_index};
+import package::common::grid::{Grid, item_index, not_uniform};
 import package::common::light_terms::{
     CONSTANT, GRID, after, light_from, light_radiance, params, sample_of, samples_of,
 };
@@ -39,7 +39,7 @@ fn word_of(item: u32, k: u32, word: u32, seen: u32) -> u32 {
 fn faced_and_seen(item: u32) -> vec2u {
     var both = vec2u(0u);
     for (var k = 0u; k < 4u; k++) {
-        for (var word = 0u; word < params.words; word++) {
+        for (var word = 0u; word < not_uniform(params.words, item); word++) {
             both += countOneBits(vec2u(word_of(item, k, word, 0u), word_of(item, k, word, 1u)));
         }
     }
@@ -66,8 +66,8 @@ fn subs(
     let receiver = node_receivers[node];
     let both = faced_and_seen(i);
     // Without bits all is seen.
-    let lit = params.words == 0u || both.x == both.y;
-    let dark = (node_rows[node].z & SPLIT) != 0u || (params.words != 0u && both.y == 0u);
+    let lit = (params.words == 0u) | (both.x == both.y);
+    let dark = ((node_rows[node].z & SPLIT) != 0u) | ((params.words != 0u) & (both.y == 0u));
     let samples = select(params.strata, 0u, dark);
     let light = light_from(receiver);
     let first = receiver.pattern * params.classes * params.strata;
@@ -106,7 +106,7 @@ fn pixels(
     let node = params.first + i;
     let receiver = node_receivers[node];
     let light = light_from(receiver);
-    let all = params.strata * params.classes;
+    let all = not_uniform(params.strata * params.classes, i);
     let first = receiver.pattern * all;
     var sum = vec3f(0.0);
     var place = vec2f(0.0);
@@ -114,7 +114,7 @@ fn pixels(
     var set_ = 0u;
     for (var word = 0u; 32u * word < all; word++) {
         var seen = 0xffffffffu;
-        if params.words != 0u {
+        if not_uniform(params.words, i) != 0u {
             seen = bits[(2u * i + 1u) * params.words + word];
         }
         for (var bit = 0u; bit < min(all - 32u * word, 32u); bit++) {

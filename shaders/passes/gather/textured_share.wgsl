@@ -5,7 +5,7 @@
 //   moments  in: rule and basis of the nodes, means of the cells. Out: nodes.
 //   factor   in: nodes, G-buffer, lists of tiles, flags, classes. In and out: share a pixel.
 
-import package::common::grid::group_index;
+import package::common::grid::{group_index, not_uniform};
 import package::common::light_pixel::{
     LightPixel, PART, UNSEEN, cell_state, g_geometric, g_normal, g_position, light_pixel, params, tile_flags, tile_list,
 };
@@ -112,7 +112,8 @@ fn factor(
     var seen1 = vec4f(0.0);
     var seen2 = vec4f(0.0);
     var seen3 = vec4f(0.0);
-    for (var k = params.first_node; k < params.first_node + params.nodes; k++) {
+    let end = not_uniform(params.first_node + params.nodes, first);
+    for (var k = params.first_node; k < end; k++) {
         let place = light_nodes[k].place;
         let moment = light_nodes[k].moment;
         seen0 += weight_at(p0, place) * moment;

@@ -13,7 +13,7 @@ import package::common::fragment::{
     REASON_NOTHING, REASON_OUTSIDE_LOBE, ROUGH, ROUGH_DEPTH, ROUGH_LOBE, ROUGH_NORMAL,
 };
 import package::common::gbuffer::{NOTHING, SURFACE, floats};
-import package::common::grid::{Grid, item_index};
+import package::common::grid::{Grid, item_index, not_uniform};
 import package::common::light::{Light, SPOT, light_at, lights};
 import package::common::pyramid::{level_of, pyramid, texel_number, texel_of};
 import package::common::rough_texel::{OnePassParams, means, params, ranges, roughness, spreads, view};
@@ -89,7 +89,7 @@ fn cull(
         }
     }
     if any_of != 0u {
-        for (var level = 1u; level <= pyramid.coarsest; level++) {
+        for (var level = 1u; level <= not_uniform(pyramid.coarsest, i); level++) {
             atomicOr(&marks[texel_number(pyramid.levels[level], first >> vec2u(level - 1u))], any_of);
         }
     }
@@ -119,7 +119,7 @@ fn all_lit(
         any_of |= state;
     }
     if any_of != 0u {
-        for (var level = 1u; level <= pyramid.coarsest; level++) {
+        for (var level = 1u; level <= not_uniform(pyramid.coarsest, i); level++) {
             atomicOr(&marks[texel_number(pyramid.levels[level], first >> vec2u(level - 1u))], any_of);
         }
     }

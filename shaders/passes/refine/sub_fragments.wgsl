@@ -10,7 +10,7 @@
 // In: nodes, texel_state, G-buffer, bits of the sub-fragments. Out: sub_receivers, node_rows.
 
 import package::common::fragment::{LIT, ON_SURFACE};
-import package::common::grid::{Grid, item_index};
+import package::common::grid::{Grid, item_index, not_uniform};
 import package::common::middle_pixel::{g_normal, middle_pixel};
 import package::common::nodes::{AGAIN, CHANGES, SPLIT, UNSTABLE, class_of, node_rows};
 import package::common::pyramid::{footprint, pyramid, texel_number, texel_of};
@@ -83,7 +83,7 @@ fn there(item: u32, k: u32) -> u32 {
 }
 
 fn words_of(item: u32, word: u32) -> Words {
-    if params.hard != 0u {
+    if not_uniform(params.hard, item) != 0u {
         let first = 8u * item * params.words + params.words + word;
         let at = vec4u(first) + vec4u(0u, 2u, 4u, 6u) * params.words;
         return Words(
@@ -119,7 +119,7 @@ fn test(
     var differ = 0u;
     var change = vec4u(0u);
     var more = vec4i(0);
-    for (var word = 0u; word < params.words; word++) {
+    for (var word = 0u; word < not_uniform(params.words, i); word++) {
         let w = words_of(i, word);
         differ += countOneBits(any_of(w.known & w.seen) & any_of(w.known & ~w.seen));
         let known = cycle(w.known);
@@ -136,7 +136,7 @@ fn test(
     let unstable = (moves | moves.wxyz).xywz;
     let bits = vec4u(1u, 2u, 4u, 8u);
     var marks = UNSTABLE * any_of(select(vec4u(0u), bits, unstable));
-    if differ >= params.least_bits && pyramid.level > pyramid.finest {
+    if (differ >= params.least_bits) & (pyramid.level > pyramid.finest) {
         marks |= CHANGES | (AGAIN * any_of(select(vec4u(0u), bits, again)));
     }
     node_rows[params.first + i].z |= marks;

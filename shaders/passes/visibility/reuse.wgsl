@@ -13,7 +13,7 @@
 import package::common::alike::alike;
 import package::common::facing_bits::{facing_bits, params, whole};
 import package::common::fragment::ROUGH;
-import package::common::grid::{Grid, item_index};
+import package::common::grid::{Grid, item_index, not_uniform};
 import package::common::nodes::{neighbour_node, node_at, node_rows};
 import package::common::pyramid::{pyramid, texel_of};
 import package::common::ray::Receiver;
@@ -70,7 +70,7 @@ fn lies_around(texel: vec2u, k: u32) -> bool {
 
 // Whether what nodes agree on cannot be trusted, by how many samples face, are in doubt, and are agreed to be hidden.
 fn is_thin(facing: u32, doubt: u32, hidden: u32) -> bool {
-    return doubt > MOST_IN_DOUBT * hidden && (pyramid.level >= FAR_APART || THIN * doubt > facing);
+    return (doubt > MOST_IN_DOUBT * hidden) & ((pyramid.level >= FAR_APART) | (THIN * doubt > facing));
 }
 
 @compute @workgroup_size(64)
@@ -84,10 +84,12 @@ fn ask(
         return;
     }
     let node = params.first + i;
+    let words = not_uniform(params.words, i);
     let receiver = node_receivers[node];
     let row = node_rows[node];
-    var trusts = params.reuse != 0u && pyramid.level < pyramid.coarsest;
-    if trusts && pyramid.level + 1u == pyramid.coarsest {
+    let level = not_uniform(pyramid.level, i);
+    var trusts = (params.reuse != 0u) & (level < pyramid.coarsest);
+    if trusts && level + 1u == pyramid.coarsest {
         trusts = (node_rows[row.w].z & ROUGH) == 0u;
     }
     var nodes: array<u32, 9>;
@@ -105,7 +107,7 @@ fn ask(
     var dark: array<u32, 32>;
     var counts = vec3u(0u);
     let light = whole(receiver);
-    for (var word = 0u; word < params.words; word++) {
+    for (var word = 0u; word < words; word++) {
         let facing = facing_bits(receiver, word, light);
         let known = agreed(nodes, around, word);
         node_bits[node * 2u * params.words + word] = facing;
@@ -114,7 +116,7 @@ fn ask(
         counts += countOneBits(vec3u(facing, facing & ~(known.x | known.y), facing & known.y));
     }
     let all = is_thin(counts.x, counts.y, counts.z);
-    for (var word = 0u; word < params.words; word++) {
+    for (var word = 0u; word < words; word++) {
         let facing = node_bits[node * 2u * params.words + word];
         let ask = facing & select(~(lit[word] | dark[word]), 0xffffffffu, all);
         asked[node * params.words + word] = ask;
@@ -133,7 +135,8 @@ fn answer(
         return;
     }
     let node = params.first + i;
-    for (var word = 0u; word < params.words; word++) {
+    let words = not_uniform(params.words, i);
+    for (var word = 0u; word < words; word++) {
         node_bits[(node * 2u + 1u) * params.words + word] |= asked[node * params.words + word];
     }
 }

@@ -10,7 +10,7 @@
 
 import package::common::facing_bits::{facing_bits, params, whole};
 import package::common::fragment::ROUGH;
-import package::common::grid::{Grid, item_index};
+import package::common::grid::{Grid, item_index, not_uniform};
 import package::common::nodes::{OPEN, SKIPS, SPLIT, class_of, node_rows};
 import package::common::pyramid::{pyramid, texel_of};
 import package::common::ray::Receiver;
@@ -37,7 +37,7 @@ fn ask_all(
     let asks = receiver.pixel != INACTIVE;
     receiver.pattern = select(0u, receiver.pattern, asks);
     let light = whole(receiver);
-    for (var word = 0u; word < params.words; word++) {
+    for (var word = 0u; word < not_uniform(params.words, i); word++) {
         let facing = select(0u, facing_bits(receiver, word, light), asks);
         bits[2u * i * params.words + word] = facing;
         bits[(2u * i + 1u) * params.words + word] = 0u;
@@ -49,7 +49,7 @@ fn ask_all(
 fn faced_and_seen(item: u32) -> vec2u {
     var both = vec2u(0u);
     for (var k = 0u; k < 4u; k++) {
-        for (var word = 0u; word < params.words; word++) {
+        for (var word = 0u; word < not_uniform(params.words, item); word++) {
             let at = 2u * (4u * item + k) * params.words + word;
             both += countOneBits(vec2u(bits[at], bits[at + params.words]));
         }
@@ -81,7 +81,7 @@ fn ask_own(
         own_receivers[unit] = receiver;
         receiver.pattern = select(0u, receiver.pattern, asks);
         let light = whole(receiver);
-        for (var word = 0u; word < params.words; word++) {
+        for (var word = 0u; word < not_uniform(params.words, unit); word++) {
             let facing = select(0u, facing_bits(receiver, word, light), asks);
             let at = 2u * unit * params.words + word;
             bits[at] = select(bits[at], facing, asks);
@@ -97,7 +97,7 @@ fn put(pixel: u32, first: u32, word: u32, value: u32) {
     let to = (2u * pixel + 1u) * params.words + at / 32u;
     let shift = at & 31u;
     bits[to] |= value << shift;
-    if shift != 0u && at / 32u + 1u < params.words {
+    if (shift != 0u) & (at / 32u + 1u < params.words) {
         bits[to + 1u] |= value >> (32u - shift);
     }
 }
@@ -124,7 +124,7 @@ fn ask_pixels(
     let receiver = receivers[params.first + i];
     let root = pyramid.coarsest == 0u;
     let above = select(row.w, params.first + i, root);
-    let known = params.reuse != 0u && !root && (node_rows[above].z & (ROUGH | SKIPS)) == 0u;
+    let known = (params.reuse != 0u) & !root & ((node_rows[above].z & (ROUGH | SKIPS)) == 0u);
     let texel = texel_of(pyramid.levels[0], row.x);
     let part = class_of(texel, 4u);
     let own = select(select(0u, part, params.classes == 4u), class_of(texel / 2u, params.classes), params.together != 0u);
@@ -132,7 +132,7 @@ fn ask_pixels(
     let first = own * of_a_set;
     let end = select(first, first + of_a_set, known);
     let light = whole(receiver);
-    for (var word = 0u; word < params.words; word++) {
+    for (var word = 0u; word < not_uniform(params.words, i); word++) {
         let facing = facing_bits(receiver, word, light);
         bits[2u * i * params.words + word] = facing;
         bits[(2u * i + 1u) * params.words + word] = 0u;
@@ -155,7 +155,7 @@ fn take(
     if i >= grid.end {
         return;
     }
-    for (var word = 0u; word < params.words; word++) {
+    for (var word = 0u; word < not_uniform(params.words, i); word++) {
         bits[(2u * i + 1u) * params.words + word] |= asked[(params.first + i) * params.words + word];
     }
 }
