@@ -94,7 +94,8 @@ class Drawing:
         self.full: Drawn | None = None
         """The last picture of the full size."""
         self._last: Drawn | None = None
-        self._given, self._own, self._adapter = renderer, None, adapter
+        self._given, self._adapter = renderer, adapter
+        self._own: Renderer | None = None
         self._supersample = supersample
         self._rendering = threading.Lock()
         # apart from the one above, so that a change of exposure does not wait for a render

@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike
 
 from miplight.camera import Camera
 from miplight.errors import SceneError, SettingsError
-from miplight.light import AreaLight, Light
+from miplight.light import AreaLight, Light, SpotLight
 from miplight.scene import Scene
 from miplight.settings import Settings, as_settings, presets
 from miplight.validate import as_choice, as_number, as_vector, fail
@@ -225,18 +225,18 @@ class LiveState:
     def _put_lights_back(self) -> None:
         for name, start in self._lit.items():
             light = self._shown_light(name)
-            if isinstance(light, AreaLight):
+            if isinstance(light, AreaLight) and isinstance(start, AreaLight):
                 light.set_geometry(start.corner, start.edge_u, start.edge_v)
-            else:
+            elif isinstance(light, SpotLight) and isinstance(start, SpotLight):
                 light.set_geometry(start.position, start.target)
             _dim(light, start, 0.0)
 
 
 def _dim(light: Light, start: Light, stops: float) -> None:
     """Give a light the power that it had at the start, times two to the power of `stops`."""
-    if isinstance(light, AreaLight):
+    if isinstance(light, AreaLight) and isinstance(start, AreaLight):
         light.radiance = start.radiance * 2.0**stops
-    else:
+    elif isinstance(light, SpotLight) and isinstance(start, SpotLight):
         light.intensity = start.intensity * 2.0**stops
 
 

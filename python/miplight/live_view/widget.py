@@ -39,7 +39,7 @@ class LiveView(anywidget.AnyWidget):  # type: ignore[misc]  # ipywidgets has no 
     _css = (_STATIC / "live.css").read_text(encoding="utf-8")
 
     size = traitlets.Tuple().tag(sync=True)
-    controls = traitlets.List().tag(sync=True)
+    controls: traitlets.List[Any] = traitlets.List().tag(sync=True)
     values = traitlets.Dict().tag(sync=True)
     # kept in the state, so that a page shows it at once, also where a notebook was saved with its widgets
     still = traitlets.Bytes().tag(sync=True)

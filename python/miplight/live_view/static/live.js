@@ -3,6 +3,7 @@
 
 const SEND_EVERY = 33; // ms between messages of a moving hand: more would only queue up in the kernel
 const SILENCE = 8000; // ms after which a view without an answer says that it has no kernel
+const NARROWEST = 360; // px that the controls have, below a picture that is narrower
 const RATE_OVER = 1000; // ms over which pictures a second are counted
 
 const element = (tag, attributes = {}, ...children) => {
@@ -239,6 +240,7 @@ function render({ model, el }) {
   const legend = element("div", { class: "legend" });
   const panel = element("div", { class: "controls" });
   const root = element("div", { class: "miplight-live" });
+  root.style.width = `${Math.max(width, NARROWEST)}px`;
 
   let answered = false;
   const post = (message) => {
