@@ -70,7 +70,7 @@ def stop_label(value: SettingValue) -> str:
 def knob_control(name: str, value: SettingValue) -> dict[str, Any]:
     """Describe the control of a setting that is `value` now."""
     knob = KNOBS[name]
-    stops = list(knob.available or knob.choices) or _numbers(knob)
+    stops = [knob.default] if knob.pending else list(knob.available or knob.choices) or _numbers(knob)
     if value not in stops:
         stops = sorted([*stops, value], key=_order)
     return control(name, name.replace("_", " "), stops, knob.summary(), slider=not knob.choices)

@@ -96,6 +96,8 @@ class LiveView(anywidget.AnyWidget):  # type: ignore[misc]  # ipywidgets has no 
                 handle.update(self._bundle(), raw=True)
             _views.discard(self)
         super().close()
+        # ipywidgets hides it in what is closed, which shows its last picture here
+        self.__dict__.pop("_repr_mimebundle_", None)
 
     # the page
 
