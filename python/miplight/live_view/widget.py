@@ -84,6 +84,8 @@ class LiveView(anywidget.AnyWidget):  # type: ignore[misc]  # ipywidgets has no 
         loop = self._loop
         if loop is not None:
             loop.request(settled=True)
+        else:
+            self.still = b""  # drawn anew when it is shown
 
     def close(self) -> None:
         """Free the renderer, unless it was given, and leave the last picture. Twice is no error."""
@@ -147,8 +149,9 @@ class LiveView(anywidget.AnyWidget):  # type: ignore[misc]  # ipywidgets has no 
         """The loop, which runs from here on."""
         with self._change:
             if self._loop is None:
-                self._loop = Loop(self._draw)
-                self._loop.start()
+                loop: Loop = Loop(lambda job: self._draw(job, loop))
+                loop.start()
+                self._loop = loop
             return self._loop
 
     def _rest(self) -> None:
@@ -161,11 +164,8 @@ class LiveView(anywidget.AnyWidget):  # type: ignore[misc]  # ipywidgets has no 
 
     # the thread that draws
 
-    def _draw(self, job: Job) -> bool:
-        loop = self._loop
+    def _draw(self, job: Job, loop: Loop) -> bool:
         try:
-            if loop is None:
-                return False
             drawn = self._drawing.draw(job.stage, loop.check, loop.patience)
             self._put(drawn, job.sent + 1)
             return drawn.finer
