@@ -106,22 +106,37 @@ def test_where_an_orbit_begins() -> None:
         Orbit.around(CAMERA, BOX, up=(0, 0, 0))
 
 
-@pytest.mark.parametrize("fixed_ms", [0.0, 40.0])
-@pytest.mark.parametrize("full_ms", [20.0, 150.0, 900.0, 4000.0])
+@pytest.mark.parametrize("fixed_ms", [0.0, 40.0, 80.0])
+@pytest.mark.parametrize("full_ms", [20.0, 150.0, 900.0, 2500.0])
 def test_moving_pictures_come_in_time_and_are_no_smaller_than_that(fixed_ms: float, full_ms: float) -> None:
     pace = Pace(budget_ms=125.0)
-    sizes = []
-    for _ in range(60):
-        ms = fixed_ms + full_ms * pace.scale**2
-        sizes.append(pace.scale)
-        pace.took(ms, pace.scale)
-    settled = set(sizes[30:])
-    assert len(settled) == 1, f"it goes up and down: {sizes}"
-    scale = settled.pop()
-    assert fixed_ms + full_ms * scale**2 <= 125.0
-    if scale < 1.0:
-        larger = SCALES[SCALES.index(scale) - 1]
-        assert (fixed_ms + full_ms * scale**2) * (larger / scale) ** 2 > 0.8 * 125.0
+
+    def takes(scale: float) -> float:
+        return fixed_ms + full_ms * scale**2
+
+    scales = []
+    for _ in range(400):
+        scales.append(pace.scale)
+        pace.took(takes(pace.scale), pace.scale)
+    best = next((scale for scale in SCALES if takes(scale) <= 125.0), SCALES[-1])
+    usual = max(set(scales[100:]), key=scales[100:].count)
+    # what is larger by half may take 2.25 times as long, and is not tried when half of the time is gone
+    allowed = SCALES[SCALES.index(best) : SCALES.index(best) + 2]
+    assert usual in allowed
+    assert scales[100:].count(usual) > 0.9 * 300, "it does not settle"
+    assert sum(takes(scale) > 125.0 for scale in scales[30:]) < 0.03 * 370, "too many come too late"
+
+
+def test_one_late_picture_is_luck_and_two_are_not() -> None:
+    pace = Pace(budget_ms=125.0)
+    for ms in (90.0, 90.0, 200.0, 90.0, 110.0, 200.0, 90.0):
+        pace.took(ms, 1.0)
+        assert pace.scale == 1.0
+    pace.took(200.0, 1.0)
+    pace.took(200.0, 1.0)
+    assert pace.scale < 1.0
+    pace.took(900.0, 1.0)  # a still picture, which says nothing about moving ones
+    assert pace.scale >= 0.5
 
 
 def test_indirect_light_is_left_out_where_no_size_helps() -> None:
