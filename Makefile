@@ -51,7 +51,7 @@ test-rust: $(STAMP)/system $(STAMP)/extension ## Clippy and the Rust tests
 	$(CLIPPY) cargo test --release
 
 .PHONY: test-python
-test-python: setup ## The Python tests
+test-python: setup $(STAMP)/browser ## The Python tests
 	$(PYTEST)
 
 .PHONY: stress
@@ -119,6 +119,11 @@ $(STAMP)/venv:
 # A Vulkan driver for the renderer, an LLVM for Mitsuba.
 $(STAMP)/system: $(STAMP)/venv tools/ensure_system.sh
 	bash tools/ensure_system.sh
+	touch $@
+
+# A browser without a screen, for the tests of the live view.
+$(STAMP)/browser: $(STAMP)/venv tools/ensure_system.sh
+	bash tools/ensure_system.sh browser
 	touch $@
 
 # maturin also installs the packages that pyproject.toml names

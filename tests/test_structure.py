@@ -26,7 +26,7 @@ from tests.structure_rules import (
     python_functions,
 )
 
-LIMITS = {".rs": 400, ".py": 400, ".wgsl": 250}
+LIMITS = {".rs": 400, ".py": 400, ".js": 400, ".wgsl": 250}
 FUNCTION_LIMIT = 60
 # Rust files beside the passes that are no passes: what they share, and the inside of the native trace.
 NO_PASS = {

@@ -26,6 +26,8 @@ INSIDE = (
     "miplight/_core.pyi",
     "miplight/py.typed",
     "miplight/data/spot/spot.glb",
+    "miplight/live_view/static/live.js",
+    "miplight/live_view/static/live.css",
 )
 CHECK = """
 import pathlib, sys

@@ -22,6 +22,7 @@ from .errors import DeviceError, MiplightError, SceneError, SettingsError, Shade
 from .fragments import Fragments, Reason
 from .frame import Frame
 from .light import AreaLight
+from .live_view import live
 from .material import Material
 from .one_call import render
 from .plan import Plan
@@ -57,6 +58,7 @@ __all__ = [
     "VirtualLights",
     "adapters",
     "linear_to_srgb",
+    "live",
     "metrics",
     "mitsuba",
     "notebook",

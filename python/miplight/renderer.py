@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 import threading
 import warnings
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from typing import TYPE_CHECKING, Any
 
 from numpy.typing import ArrayLike
@@ -133,10 +133,13 @@ class Renderer:
         settings: Settings,
         outputs: tuple[str, ...],
         keep: tuple[str, ...],
+        check: Callable[[], None] | None = None,
     ) -> Frame:
+        """Render what has been checked; `check` is called now and then, and what it raises ends it."""
         self._check_process()
         with self._lock:
-            source = self._core.render(snapshot, view, settings.to_dict(), list(keep), _check_signals)
+            called = check or _check_signals
+            source = self._core.render(snapshot, view, settings.to_dict(), list(keep), called)
             size = (source.width, source.height)
             frame = Frame({}, source.stats, source.settings, size, source, self._lock)
             frame._read(outputs)
