@@ -22,6 +22,7 @@ from .errors import DeviceError, MiplightError, SceneError, SettingsError, Shade
 from .fragments import Fragments, Reason
 from .frame import Frame
 from .light import AreaLight
+from .light_volume import LightVolume
 from .material import Material
 from .one_call import render
 from .plan import Plan
@@ -41,6 +42,7 @@ __all__ = [
     "DeviceError",
     "Fragments",
     "Frame",
+    "LightVolume",
     "Material",
     "MiplightError",
     "Plan",

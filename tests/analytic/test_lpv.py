@@ -169,7 +169,9 @@ def test_more_steps_and_more_bounces_are_more_light(renderer: ml.Renderer) -> No
     assert few < 0.9 * many
     assert abs(most / many - 1) < 0.02, "stable, and at its end"
     many = _irradiance(renderer, scene, camera, TOGETHER.replace(lpv_iterations=60), 0.8).mean()
-    again = _irradiance(renderer, scene, camera, TOGETHER.replace(lpv_reflection=0.8, lpv_iterations=400), 0.8)
+    again = _irradiance(
+        renderer, scene, camera, TOGETHER.replace(lpv_reflection=0.8, lpv_iterations=400), 0.8
+    )
     # radiosity of a closed room: 1 / (1 - 0.8) times the first bounce when all of it is seen
     assert 2 < again.mean() / many < 8
 

@@ -32,7 +32,9 @@ def test_a_room_with_a_scan_has_the_energy_of_one_bounce(renderer: ml.Renderer, 
         assert abs(errors[name].energy) < 0.25, name
         assert errors[name].relative_rmse < 0.55, name
     assert errors["default"].relative_rmse < (0.4 if reference == "spot_indirect" else 0.22)
-    assert errors["default"].relative_rmse < 0.85 * errors["together"].relative_rmse, "sides that do not light themselves"
+    assert errors["default"].relative_rmse < 0.85 * errors["together"].relative_rmse, (
+        "sides that do not light themselves"
+    )
     assert errors["faces"].relative_rmse > 1.0
     # negative control: what division by the number of samples leaves depends on the grid
     if reference == "spot_indirect":

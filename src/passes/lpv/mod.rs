@@ -92,10 +92,12 @@ pub fn check(settings: &Settings, gpu: &Gpu) -> Result<()> {
 }
 
 /// The light of a frame, ready to be looked up.
+#[derive(Clone)]
 pub struct Propagated {
-    placed: Arc<Placed>,
+    /// The volume.
+    pub placed: Arc<Placed>,
     /// Means that left each cell through its lower faces, and through its upper ones.
-    passed: [Flow; 2],
+    pub passed: [Flow; 2],
 }
 
 impl Propagated {

@@ -278,7 +278,8 @@ def falling(normal: Array, passed: Array) -> Array:
     """Of means (6, ...) that left through faces, what falls on a surface of unit area and that normal.
 
     The net flow along the normal is what falls on its two sides apart; together they get what the sides of
-    faces do, weighted by the squares of the normal. At least what falls against it by those squares, at most all.
+    faces do, weighted by the squares of the normal. At least what falls against it by those squares, at most
+    all.
     """
     against = [2 * axis + (normal[axis] < 0) for axis in range(3)]
     ways = np.stack([passed[face] for face in against], axis=-1).clip(0)
