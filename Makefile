@@ -74,6 +74,10 @@ bench-area-2016: setup ## Hold paper D's preset against its bounds; writes bench
 bench-virtual-lights: setup ## Hold the presets of papers A and B against their bounds; writes benches/results
 	$(BIN)/python benches/virtual_lights.py
 
+.PHONY: bench-lpv
+bench-lpv: setup ## Measure propagation volumes, and other methods at equal time; writes benches/results
+	$(BIN)/python benches/lpv.py
+
 .PHONY: bench-gpu
 bench-gpu: setup ## The same on a GPU, without Mitsuba
 	$(BIN)/python benches/run.py --adapter gpu --no-mitsuba
