@@ -56,21 +56,22 @@ fn place_beside(k: u32, width: i32) -> vec2i {
     return select(upper, lower, side >= 2u);
 }
 
-// Place k of extra samples: upper side, corner, left side; those of the fragments to the right, below, and below right, at
-// `end`: the width, or the image's last column and row.
-fn place_on_border(k: u32, width: i32, end: vec2i) -> vec2i {
+// Place k of extra samples: upper side, corner, left side; those of the fragments to the right, below, and below right, no
+// further than the image's `last` column and row.
+fn place_on_border(k: u32, width: i32, last: vec2i) -> vec2i {
     let half = width / 2;
+    let end = min(vec2i(width), last);
     let column = array(half, 0, 0, end.x, end.x, 0, half, end.x);
     let row = array(0, 0, half, 0, half, end.y, end.y, end.y);
     return vec2i(column[k], row[k]);
 }
 
 // Whether no place before is the same: where the image cuts a fragment its end may lie at its middle or its start.
-fn is_first(k: u32, width: i32, end: vec2i) -> bool {
-    let place = place_on_border(k, width, end);
+fn is_first(k: u32, width: i32, last: vec2i) -> bool {
+    let place = place_on_border(k, width, last);
     var first = true;
     for (var j = 0u; j < k; j++) {
-        first = first && any(place_on_border(j, width, end) != place);
+        first = first && any(place_on_border(j, width, last) != place);
     }
     return first;
 }
@@ -120,10 +121,9 @@ fn main(
             }
         }
     }
-    let end = min(vec2i(width), size - 1 - first);
     for (var k = 0u; k < select(0u, ON_BORDER, EXTRAS); k++) {
-        let place = first + place_on_border(k, width, end);
-        let inside = known && all(place < size) && is_first(k, width, end);
+        let place = first + place_on_border(k, width, size - 1 - first);
+        let inside = known && all(place < size) && is_first(k, width, size - 1 - first);
         let at = select(0u, u32(place.y) * pyramid.levels[0].x + u32(place.x), inside);
         let found = level_map[at];
         if inside && found >= LARGE && found <= pyramid.coarsest && lies_on(surface, at) {

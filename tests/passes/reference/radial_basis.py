@@ -99,17 +99,18 @@ def places_of(case: Case, level: int, row: int, column: int) -> dict[tuple[int, 
     """Set and number of the extra sample at each pixel, (x, y), of a fragment that has one."""
     columns, rows, _, _ = case.levels[0]
     (x, y), half = (column << level, row << level), 1 << level >> 1
-    sets = [[(x + half, y), (x, y), (x, y + half)], [], []]
-    if (column + 1) << level >= columns:
-        last = [(columns - 1, rows - 1)] if (row + 1) << level >= rows else []
-        sets[1] = [(columns - 1, y), (columns - 1, y + half), *last]
-    if (row + 1) << level >= rows:
-        sets[2] = [(x, rows - 1), (x + half, rows - 1)]
+    wanted = [((x + half, y), (0, 0)), ((x, y), (0, 1)), ((x, y + half), (0, 2))]
+    right, below = (column + 1) << level >= columns, (row + 1) << level >= rows
+    if right and below:
+        wanted.append(((columns - 1, rows - 1), (1, 2)))
+    if right:
+        wanted += [((columns - 1, y), (1, 0)), ((columns - 1, y + half), (1, 1))]
+    if below:
+        wanted += [((x, rows - 1), (2, 0)), ((x + half, rows - 1), (2, 1))]
     found: dict[tuple[int, int], tuple[int, int]] = {}
-    for number, pixels in ((0, sets[0]), (1, sets[1][2:]), (1, sets[1][:2]), (2, sets[2])):
-        for pixel in pixels:
-            if pixel[0] < columns and pixel[1] < rows:
-                found.setdefault(pixel, (number, sets[number].index(pixel)))
+    for pixel, sample in wanted:
+        if pixel[0] < columns and pixel[1] < rows:
+            found.setdefault(pixel, sample)
     return found
 
 
