@@ -10,7 +10,7 @@ Cells and the places of samples are kept while nothing moves: what they cost is 
 
 At equal time, each other method has the setting nearest in time to the default volume, with occlusion,
 because volumes have it. They cost by the pixel and volumes by the cell, so that a larger picture is there,
-too.
+too. Cascades are against a final gather of 512 rays in the room that is seen, alone.
 """
 
 from __future__ import annotations
@@ -29,6 +29,7 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[1]))  # the scenes are s
 import measure
 import miplight as ml
 from bounds import Parts, Row, main, row
+from tests.claim_scenes import far_rooms
 from tests.mitsuba.reference_scenes import STORED, load
 
 LPV = ml.Settings(direct="off", indirect="lpv")
@@ -103,7 +104,12 @@ def _row(
 ) -> Row:
     frame, ms = found
     compared = ml.testing.compare(frame, reference)
-    more = {"ms": ms, "median": compared.median, "energy": compared.energy, "noise": compared.noise}
+    more: dict[str, Any] = {
+        "ms": ms,
+        "median": compared.median,
+        "energy": compared.energy,
+        "noise": compared.noise,
+    }
     return row(what, PLACES[name], frame.width, compared.relative_rmse, bound, **more)
 
 
@@ -200,6 +206,23 @@ def larger(renderer: ml.Renderer, options: argparse.Namespace) -> Iterator[Row]:
         yield from _equal(renderer, name, at, reference, 2 if options.quick else None)
 
 
+def cascades(renderer: ml.Renderer, options: argparse.Namespace) -> Iterator[Row]:
+    """Two rooms far apart, one of them seen: volumes inside of others, and more cells."""
+    size = 32 if options.quick else 96
+    ways = {"": {}, "48 cells, 128 steps": {"lpv_resolution": 48, "lpv_iterations": 128}}
+    ways |= {f"{count} cascades": {"lpv_cascades": count} for count in (2, 3, 4)}
+    gather = ml.Settings(direct="off", indirect="final-gather", gather_rays=512)
+    truth = renderer.render(*far_rooms(0, size), gather, OUTPUTS)
+    for apart in (20,) if options.quick else (20, 60):
+        at = far_rooms(apart, size)
+        for label, changes in list(ways.items())[:: 2 if options.quick else 1]:
+            frame, ms = _measured(renderer, at, LPV.replace(**changes))
+            compared = ml.testing.compare(frame.indirect, truth.indirect, mask=truth.surface_mask)
+            more: dict[str, Any] = {"ms": ms, "median": compared.median, "energy": compared.energy}
+            what = f"rooms {apart} apart" + (f", {label}" if label else "")
+            yield row(what, "far rooms", size, compared.relative_rmse, None, **more)
+
+
 PARTS: Parts = {
     "stages": stages,
     "resolutions": resolutions,
@@ -208,6 +231,7 @@ PARTS: Parts = {
     "transports": transports,
     "methods": methods,
     "larger": larger,
+    "cascades": cascades,
 }
 
 

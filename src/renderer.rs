@@ -19,7 +19,8 @@ use crate::passes::geometry::{gbuffer, primary_rays};
 use crate::passes::indirect::{Evaluations, Indirect};
 use crate::passes::lights::virtual_light::{Rsm, VirtualLights};
 use crate::passes::lpv::Propagated;
-use crate::passes::lpv::points::{Asked, Kept as KeptVolumes};
+use crate::passes::lpv::nested;
+use crate::passes::lpv::points::Kept as KeptVolumes;
 use crate::passes::scene_buffers::SceneBuffers;
 use crate::passes::visibility::Hit;
 use crate::passes::visibility::occlusion;
@@ -239,7 +240,7 @@ impl Renderer {
         let rebuilt = recorder.host("upload", |gpu, _| state.sync(gpu, &prepared))?;
         let repainted = rebuilt.iter().any(|part| SURFACE_PARTS.contains(part));
         let gbuffer = !repainted && seen == Some((view, state.placed.version()));
-        let valid = Valid { gbuffer, volume: state.volumes.placed(Asked::of(settings)).is_some() };
+        let valid = Valid { gbuffer, volume: nested::are_kept(&state.volumes, settings, &view) };
         let plan = plan(SceneFacts::of(snapshot), settings, valid);
         let (kept, work) = state.passes(&mut recorder, &plan, &prepared, settings, view)?;
         let asked = work.evaluations.asked();

@@ -25,7 +25,7 @@ _DRAWN = ((2, 1), (0, 2), (0, 1))
 class LightVolume:
     """A propagation volume of Z × Y × X cubic cells, after all steps [KD10].
 
-    Faces are numbered −x, +x, −y, +y, −z, +z.
+    Faces are numbered −x, +x, −y, +y, −z, +z. With `lpv_cascades` it is the volume of the whole scene.
     """
 
     flux: NDArray[np.float32]
@@ -46,7 +46,8 @@ class LightVolume:
     @property
     def corner(self) -> NDArray[np.float64]:
         """(3,) lowest corner in the world, scene units."""
-        return self.bounds[0]
+        corner: NDArray[np.float64] = self.bounds[0]
+        return corner
 
     @property
     def size(self) -> tuple[int, int, int]:

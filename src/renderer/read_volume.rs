@@ -8,11 +8,11 @@ use super::Kept;
 use crate::error::{Error, Result};
 use crate::frame::{Image, Pixels};
 use crate::gpu::Gpu;
-use crate::passes::lpv::Propagated;
+use crate::passes::lpv::Passed;
 use crate::plan;
 use crate::settings::Settings;
 
-/// What can be read where indirect light comes from a propagation volume: the flux that left through each face, W, as
+/// What can be read where indirect light comes from a propagation volume, of that of the whole scene: the flux that left through each face, W, as
 /// (6, 3, z, y, x); bits of open faces, (z, y, x); the lowest and the highest corner in the world, (2, 3).
 pub(super) const NAMES: [&str; 3] = ["volume", "volume_open", "volume_bounds"];
 const FACES: usize = 6;
@@ -39,7 +39,7 @@ impl Kept {
     /// `Settings` where there is no volume; `Device`.
     pub(super) fn volume(&self, gpu: &Gpu, name: &str) -> Result<Image> {
         let none = || Error::Settings(format!("{name:?}: no light propagates in this frame"));
-        let volume = self.volume.as_ref().ok_or_else(none)?;
+        let volume = self.volume.as_ref().and_then(|light| light.volumes.first()).ok_or_else(none)?;
         let pixels = match name {
             "volume" => flux(gpu, volume)?,
             "volume_open" => {
@@ -52,7 +52,7 @@ impl Kept {
     }
 
     /// Lowest and highest corner in the world.
-    fn bounds(&self, volume: &Propagated) -> Vec<f64> {
+    fn bounds(&self, volume: &Passed) -> Vec<f64> {
         let held = &volume.placed.volume;
         let low = Vec3::from(held.corner).as_dvec3() + self.anchor;
         let size = glam::UVec3::from(held.size).as_dvec3() * f64::from(held.edge);
@@ -61,13 +61,13 @@ impl Kept {
 }
 
 /// Cells along z, y and x.
-fn cells(volume: &Propagated) -> [usize; 3] {
+fn cells(volume: &Passed) -> [usize; 3] {
     let [x, y, z] = volume.placed.volume.size.map(|n| n as usize);
     [z, y, x]
 }
 
 /// Flux through each face, in the order of their bits: below and above along each axis.
-fn flux(gpu: &Gpu, volume: &Propagated) -> Result<Pixels> {
+fn flux(gpu: &Gpu, volume: &Passed) -> Result<Pixels> {
     let count = CHANNELS * volume.placed.volume.cells as usize;
     let mut flux = vec![0.0; FACES * count];
     for (side, passed) in volume.passed.iter().enumerate() {

@@ -127,7 +127,7 @@ def test_slices_are_drawn(renderer: ml.Renderer) -> None:
         assert axes.images[0].get_array().shape == shape
         assert len(axes.collections) == 1
     axes = volume.plot(axis="z", at=0.01, brightest=1e3, walls=False)
-    picture = axes.images[0].get_array()[..., 0]
+    picture = np.asarray(axes.images[0].get_array())[..., 0]
     left, right, bottom, top = axes.images[0].get_extent()
     row, column = np.unravel_index(picture.argmax(), picture.shape)
     assert left + (column + 0.5) * (right - left) / x == pytest.approx(-1, abs=1.5 * volume.edge)
