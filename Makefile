@@ -82,6 +82,10 @@ bench-virtual-lights: setup ## Hold the presets of papers A and B against their 
 bench-one-bounce: setup ## Hold direct light and one bounce by the default against Mitsuba and other methods; writes benches/results
 	$(BIN)/python benches/one_bounce.py --write
 
+.PHONY: bench-lpv
+bench-lpv: setup ## Measure propagation volumes, and other methods at equal time; writes benches/results
+	$(BIN)/python benches/lpv.py
+
 .PHONY: bench-gpu
 bench-gpu: setup ## The same on a GPU, without Mitsuba
 	$(BIN)/python benches/run.py --adapter gpu --no-mitsuba

@@ -42,6 +42,7 @@ def _verdict(found: Row) -> str:
 
 def _markdown(rows: list[Row], facts: dict[str, Any]) -> str:
     lines = [f"{facts['adapter']}, {facts['machine']}, {facts['date']}, commit {facts['commit']}", ""]
+    lines += [facts["note"], ""] if facts.get("note") else []
     lines += ["| what | scene | size | found | bound | |", "|---|---|--:|--:|--:|---|"]
     for found in rows:
         verdict = _verdict(found).replace("FAIL", "**FAIL**")
@@ -69,6 +70,7 @@ def main(
     parser.add_argument("--only", nargs="+", choices=parts, default=list(parts))
     parser.add_argument("--quick", action="store_true", help="small and rough; nothing is written")
     parser.add_argument("--adapter", default="auto")
+    parser.add_argument("--note", default="", help="what a reader must know of this run, above the table")
     options = parser.parse_args()
     warnings.simplefilter("ignore", ml.SoftwareAdapterWarning)
     rows: list[Row] = []
@@ -77,7 +79,7 @@ def main(
             for found in parts[part](renderer, options):
                 rows.append(found)
                 print(_line(found), flush=True)
-        facts = about(renderer)
+        facts = about(renderer) | ({"note": options.note} if options.note else {})
     if not options.quick:
         (RESULTS / f"{stem}.json").write_text(
             json.dumps({"about": facts, "rows": rows}, indent=1, default=float) + "\n"

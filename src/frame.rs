@@ -17,6 +17,12 @@ pub enum Pixels {
     Words(Vec<u32>),
     /// So many words a pixel.
     Rows(usize, Vec<u32>),
+    /// No pixels: floats of this shape.
+    Numbers(Vec<usize>, Vec<f32>),
+    /// No pixels: bytes of this shape.
+    Cells(Vec<usize>, Vec<u8>),
+    /// No pixels: places of this shape.
+    Places(Vec<usize>, Vec<f64>),
 }
 
 /// An image on the host.

@@ -3,6 +3,7 @@
 mod read;
 mod read_levels;
 mod read_lights;
+mod read_volume;
 
 use std::sync::{Arc, Mutex, MutexGuard};
 use std::time::Instant;
@@ -17,7 +18,9 @@ use crate::passes::gather::levels::Looked;
 use crate::passes::geometry::{gbuffer, primary_rays};
 use crate::passes::indirect::{Evaluations, Indirect};
 use crate::passes::lights::virtual_light::{Rsm, VirtualLights};
-use crate::passes::lpv::points::{Asked, Kept as KeptVolumes};
+use crate::passes::lpv::Propagated;
+use crate::passes::lpv::nested;
+use crate::passes::lpv::points::Kept as KeptVolumes;
 use crate::passes::scene_buffers::SceneBuffers;
 use crate::passes::visibility::Hit;
 use crate::passes::visibility::occlusion;
@@ -76,6 +79,8 @@ struct Kept {
     looked: Option<Looked>,
     /// Where lights shine, and the list of virtual lights, where indirect light comes from them.
     virtual_lights: Option<(Rsm, Option<VirtualLights>)>,
+    /// The volume that indirect light went through.
+    volume: Option<Propagated>,
 }
 
 impl Kept {
@@ -89,6 +94,7 @@ impl Kept {
         let (levels, looked) = direct.as_ref().map_or((None, None), |d| (d.levels.clone(), d.looked.clone()));
         let lobes = direct.as_ref().map_or((None, None), |d| (d.specular_levels.clone(), d.specular.clone()));
         let bounced = indirect.as_ref().map_or((None, None), |i| (i.levels.clone(), i.virtual_lights.clone()));
+        let volume = indirect.as_ref().and_then(|i| i.volume.clone());
         Self {
             view: context.view,
             anchor: context.prepared.anchor,
@@ -102,6 +108,7 @@ impl Kept {
             specular: lobes.1,
             looked,
             virtual_lights: bounced.1,
+            volume,
         }
     }
 
@@ -233,7 +240,7 @@ impl Renderer {
         let rebuilt = recorder.host("upload", |gpu, _| state.sync(gpu, &prepared))?;
         let repainted = rebuilt.iter().any(|part| SURFACE_PARTS.contains(part));
         let gbuffer = !repainted && seen == Some((view, state.placed.version()));
-        let valid = Valid { gbuffer, volume: state.volumes.placed(Asked::of(settings)).is_some() };
+        let valid = Valid { gbuffer, volume: nested::are_kept(&state.volumes, settings, &view) };
         let plan = plan(SceneFacts::of(snapshot), settings, valid);
         let (kept, work) = state.passes(&mut recorder, &plan, &prepared, settings, view)?;
         let asked = work.evaluations.asked();

@@ -225,6 +225,25 @@ CLAIMS: dict[str, Claim] = {
 }
 
 
+def far_rooms(apart: float, size: int) -> SceneAndCamera:
+    """A lit room of 4 × 3 × 4 with a box in it, seen from a corner; another so far along each axis."""
+    scene = ml.Scene()
+    for name, at in {"near": 0.0, "far": apart}.items():
+        if name == "far" and not apart:
+            continue
+        for part, extents, middle in (
+            ("room", (4, 3, 4), (0, 1.5, 0)),
+            ("box", (1, 1, 1), (-0.6, 0.5, -0.6)),
+        ):
+            mesh = trimesh.creation.box(extents)
+            mesh.apply_translation(np.array(middle) + at)
+            scene.add_mesh(mesh, name=f"{name} {part}", material=ml.Material((0.7, 0.6, 0.5)), shading="flat")
+        corner = np.array([0.2, 2.9, -0.5]) + at
+        scene.add_light(ml.AreaLight(corner, (1, 0, 0), (0, 0, 1), radiance=(9, 8, 7)), name=name)
+    view = ml.Camera.look_at((1.6, 1.6, 1.7), (-0.6, 0.8, -0.6), fov_y=60, width=size, height=size)
+    return scene, view
+
+
 def available() -> list[str]:
     """Names of the scenes that can be built here."""
     return [name for name, claim in CLAIMS.items() if scans() is not None or not claim.needs_scenes]

@@ -50,6 +50,7 @@ NO_PASS = {
     "parts",
     "volumes",
     "points",
+    "nested",
 }
 # Two shaders of one pass: closest and any hits, and shadow rays that are made where they are traced.
 RUST_OF = {"visibility/shadow": "visibility/trace"}

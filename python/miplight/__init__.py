@@ -23,6 +23,7 @@ from .fragments import Fragments, Reason
 from .frame import Frame
 from .light import AreaLight
 from .live_view import live
+from .light_volume import LightVolume
 from .material import Material
 from .one_call import render
 from .plan import Plan
@@ -42,6 +43,7 @@ __all__ = [
     "DeviceError",
     "Fragments",
     "Frame",
+    "LightVolume",
     "Material",
     "MiplightError",
     "Plan",

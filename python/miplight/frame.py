@@ -14,10 +14,11 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from . import frame_files, notebook
+from . import frame_files, light_volume, notebook
 from ._table import unknown
 from .errors import DeviceError, SettingsError
 from .fragments import Fragments
+from .light_volume import LightVolume
 from .settings import Settings
 from .stats import Stats
 from .virtual_lights import VirtualLights
@@ -183,7 +184,9 @@ class Frame:
 
     def _read_kept(self, names: Iterable[str]) -> None:
         """Inner resources, as far as there is something: a scene that nothing lights has none."""
-        for name in names:
+        asked = tuple(names)
+        more = light_volume.NAMES if light_volume.NAMES[0] in asked else ()
+        for name in dict.fromkeys((*asked, *more)):
             with contextlib.suppress(SettingsError):
                 self._array(name)
 
@@ -223,6 +226,16 @@ class Frame:
             return None
         listed = self["virtual_lights"] if "virtual_lights" in self.names else None
         return VirtualLights.of(self["rsm"], listed)
+
+    @property
+    def volume(self) -> LightVolume | None:
+        """What went through the propagation volume; None where indirect light has another source.
+
+        Ask for it with ``keep=("volume",)``, or read it before the renderer renders again.
+        """
+        if light_volume.NAMES[0] not in self.names:
+            return None
+        return LightVolume.of(*(self[name] for name in light_volume.NAMES))
 
     @property
     def specular_fragments(self) -> Fragments | None:

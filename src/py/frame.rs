@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 
-use numpy::ndarray::{Array2, Array3};
+use numpy::ndarray::ArrayD;
 use numpy::{Element, IntoPyArray};
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
@@ -20,29 +20,24 @@ pub(crate) struct PyFrame {
     pub(super) names: Vec<String>,
 }
 
-fn plane<T: Element>(py: Python<'_>, image: (u32, u32), values: Vec<T>) -> PyResult<Py<PyAny>> {
-    let shape = (image.1 as usize, image.0 as usize);
+fn array<T: Element>(py: Python<'_>, shape: &[usize], values: Vec<T>) -> PyResult<Py<PyAny>> {
     let array =
-        Array2::from_shape_vec(shape, values).map_err(|e| pyo3::exceptions::PyRuntimeError::new_err(e.to_string()))?;
-    Ok(array.into_pyarray(py).into_any().unbind())
-}
-
-fn volume<T: Element>(py: Python<'_>, image: (u32, u32), depth: usize, values: Vec<T>) -> PyResult<Py<PyAny>> {
-    let shape = (image.1 as usize, image.0 as usize, depth);
-    let array =
-        Array3::from_shape_vec(shape, values).map_err(|e| pyo3::exceptions::PyRuntimeError::new_err(e.to_string()))?;
+        ArrayD::from_shape_vec(shape, values).map_err(|e| pyo3::exceptions::PyRuntimeError::new_err(e.to_string()))?;
     Ok(array.into_pyarray(py).into_any().unbind())
 }
 
 fn to_numpy(py: Python<'_>, image: Image) -> PyResult<Py<PyAny>> {
-    let size = (image.width, image.height);
+    let (rows, columns) = (image.height as usize, image.width as usize);
     match image.pixels {
-        Pixels::Rgb(values) => volume(py, size, 3, values),
-        Pixels::Rows(words, values) => volume(py, size, words, values),
-        Pixels::Scalar(values) => plane(py, size, values),
-        Pixels::Mask(values) => plane(py, size, values),
-        Pixels::Bytes(values) => plane(py, size, values),
-        Pixels::Words(values) => plane(py, size, values),
+        Pixels::Rgb(values) => array(py, &[rows, columns, 3], values),
+        Pixels::Rows(words, values) => array(py, &[rows, columns, words], values),
+        Pixels::Scalar(values) => array(py, &[rows, columns], values),
+        Pixels::Mask(values) => array(py, &[rows, columns], values),
+        Pixels::Bytes(values) => array(py, &[rows, columns], values),
+        Pixels::Words(values) => array(py, &[rows, columns], values),
+        Pixels::Numbers(shape, values) => array(py, &shape, values),
+        Pixels::Cells(shape, values) => array(py, &shape, values),
+        Pixels::Places(shape, values) => array(py, &shape, values),
     }
 }
 

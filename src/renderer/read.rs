@@ -7,7 +7,7 @@ use glam::{DVec3, Vec3};
 use rayon::prelude::*;
 
 use super::read_levels::is_level_name;
-use super::{Kept, Renderer, read_levels, read_lights};
+use super::{Kept, Renderer, read_levels, read_lights, read_volume};
 use crate::error::{Error, Result};
 use crate::frame::{FrameInfo, Image, LEVEL_CULLED, LEVEL_NOTHING, Pixels, Reason};
 use crate::gpu::{Buffer, Gpu};
@@ -46,8 +46,8 @@ const LOBE_NAMES: [&str; 2] = ["specular_level_map", "specular_reason_map"];
 const INDIRECT_NAMES: [&str; 2] = ["indirect_level_map", "indirect_reason_map"];
 
 fn is_known(name: &str) -> bool {
-    [&NAMES[..], &LOBE_NAMES, &INDIRECT_NAMES, &read_lights::NAMES].iter().any(|names| names.contains(&name))
-        || is_level_name(name)
+    let all = [&NAMES[..], &LOBE_NAMES, &INDIRECT_NAMES, &read_lights::NAMES, &read_volume::NAMES];
+    all.iter().any(|names| names.contains(&name)) || is_level_name(name)
 }
 
 /// # Errors
@@ -59,8 +59,9 @@ fn check_names(names: &[String]) -> Result<()> {
             "there is no resource {unknown:?} to keep; there are: {}, and with refine=\"incremental\" bits, \
                  level_causes_L and level_image_L of each level L, with refine=\"sub-fragment\" level_causes_L, \
                  stable_map and extra_map, with indirect=\"splat\", \"gather\", \"clustered\" or \"hierarchical\" rsm \
-                 and, but for the last, virtual_lights",
-            NAMES.join(", ")
+                 and, but for the last, virtual_lights, with indirect=\"lpv\" {}",
+            NAMES.join(", "),
+            read_volume::NAMES.join(", ")
         ))),
     }
 }
@@ -70,7 +71,8 @@ fn check_names(names: &[String]) -> Result<()> {
 pub(super) fn check_asked(names: &[String], settings: &Settings) -> Result<()> {
     check_names(names)?;
     read_levels::check_names(names, settings)?;
-    read_lights::check_names(names, settings)
+    read_lights::check_names(names, settings)?;
+    read_volume::check_names(names, settings)
 }
 
 type Row = [u32; 4];
@@ -84,7 +86,8 @@ impl Renderer {
     pub fn names(&self, frame: &FrameInfo) -> Vec<String> {
         let lobes = LOBE_NAMES.iter().filter(|_| frame.lobes).map(|name| (*name).to_owned());
         let indirect = INDIRECT_NAMES.iter().filter(|_| frame.indirect).map(|name| (*name).to_owned());
-        let lights: Vec<&str> = if frame.indirect { read_lights::names(&frame.settings).collect() } else { Vec::new() };
+        let sources = read_lights::names(&frame.settings).chain(read_volume::names(&frame.settings));
+        let lights: Vec<&str> = if frame.indirect { sources.collect() } else { Vec::new() };
         let asked =
             frame.keep.iter().filter(|name| !NAMES.contains(&name.as_str()) && !lights.contains(&name.as_str()));
         let lights = lights.iter().map(|name| (*name).to_owned());
@@ -151,6 +154,7 @@ impl Kept {
             }
             _ if is_level_name(name) => self.levels(gpu, name),
             _ if read_lights::NAMES.contains(&name) => self.lights(gpu, name),
+            _ if read_volume::NAMES.contains(&name) => self.volume(gpu, name),
             _ => whole(self.aov(gpu, frame, name)?),
         }
     }

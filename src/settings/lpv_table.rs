@@ -31,6 +31,14 @@ pub(super) const LPV: &[Spec] = &[
         )
     },
     int(
+        "lpv_cascades",
+        [1, 4],
+        1,
+        "Volumes, each but the first a cube of half the edge of the one that it lies in, with as many cells along an edge and \
+         steps of its own, about what the camera sees: for scenes that are much larger than that.",
+        "[KD10 Sec. 4.1]",
+    ),
+    int(
         "lpv_iterations",
         [0, 1024],
         64,

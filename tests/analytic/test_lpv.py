@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 import miplight as ml
 from miplight import _core
+from tests.claim_scenes import far_rooms
 
 LPV = ml.Settings(direct="off", indirect="lpv")
 TOGETHER = LPV.replace(lpv_transport="together", lpv_resolution=16, lpv_samples=4096)
@@ -174,6 +175,45 @@ def test_more_steps_and_more_bounces_are_more_light(renderer: ml.Renderer) -> No
     )
     # radiosity of a closed room: 1 / (1 - 0.8) times the first bounce when all of it is seen
     assert 2 < again.mean() / many < 8
+
+
+def test_volumes_inside_of_others_see_what_is_near(renderer: ml.Renderer) -> None:
+    """Two rooms far apart: cells are large for one of them, against a gather in it alone."""
+    alone, view = far_rooms(0, 32)
+    gather = ml.Settings(direct="off", indirect="final-gather", gather_rays=256)
+    truth = renderer.render(alone, view, gather, ("indirect", "surface_mask"))
+    settings = LPV.replace(lpv_transport="together", lpv_resolution=16, lpv_iterations=48)
+
+    def error(cascades: int) -> float:
+        frame = renderer.render(*far_rooms(20, 32), settings.replace(lpv_cascades=cascades), ("indirect",))
+        return ml.metrics.relative_rmse(frame["indirect"], truth.indirect, mask=truth.surface_mask)
+
+    errors = [error(cascades) for cascades in (1, 2, 3)]
+    print(errors)
+    assert max(errors[1:]) < 0.75 * errors[0]
+
+
+def test_volumes_inside_of_others_move_with_the_camera(
+    adapter: str, room: ml.Scene, camera: ml.Camera
+) -> None:
+    """Kept while the camera stays in a cell, made anew when it leaves it; the same bits when it is back."""
+    made = {"indirect/surface_samples", "indirect/blockers"}
+    settings = TOGETHER.replace(lpv_cascades=2, lpv_samples=512)
+    pose = np.array(camera.world_from_camera)
+    pose[:3, 3] += (1.0, 0.0, 0.0)
+    away = camera.replace(world_from_camera=pose)
+    with ml.Renderer(adapter) as renderer:
+        first = renderer.render(room, camera, settings)
+        again = renderer.render(room, camera, settings)
+        assert made <= set(again.stats.skipped)
+        assert not made & set(again.stats.stages)
+        moved = renderer.render(room, away, settings)
+        assert made <= set(moved.stats.stages)
+        back = renderer.render(room, camera, settings)
+        assert (first.image == again.image).all()
+        assert (first.image == back.image).all()
+        single = renderer.render(room, camera, settings.replace(lpv_cascades=1))
+        assert (single.image != first.image).any(), "control"
 
 
 @pytest.mark.parametrize("refine", ["one-pass", "iterative", "incremental", "sub-fragment"])

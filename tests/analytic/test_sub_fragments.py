@@ -29,9 +29,15 @@ def _places(frame: ml.Frame) -> int:
         size = 2**level
         for row, column in zip(*np.nonzero(mask), strict=True):
             y, x = row * size, column * size
-            for down, right in ((0, size // 2), (0, 0), (size // 2, 0)):
-                inside = y + down < height and x + right < width
-                count += bool(inside and seen[y + down, x + right])
+            half, last = size // 2, (height - 1, width - 1)
+            places = {(y, x + half), (y, x), (y + half, x)}
+            if x + size >= width:
+                places |= {(y, last[1]), (y + half, last[1])}
+            if y + size >= height:
+                places |= {(last[0], x), (last[0], x + half)}
+            if x + size >= width and y + size >= height:
+                places.add(last)
+            count += sum(bool(r < height and c < width and seen[r, c]) for r, c in places)
     return count
 
 
@@ -235,3 +241,26 @@ def test_the_plan_names_what_runs(renderer: ml.Renderer) -> None:
     assert {"direct/stop_guard", "direct/extra_samples", "direct/prove"} <= set(bare.skipped)
     frame = renderer.render(_clutter(), VIEW, AREA)
     assert {f"direct/{name}" for name in own} <= set(frame.stats.stages)
+
+
+@pytest.mark.parametrize("size", [(160, 160), (150, 139)])
+def test_light_goes_on_to_the_last_column_and_row(renderer: ml.Renderer, size: tuple[int, int]) -> None:
+    """The border of an image has no larger error on the right and below than on the left and above."""
+    scene = ml.Scene.from_trimesh(ml.shapes.bare_floor(20.0))
+    lamp = ml.AreaLight((-1, 3, -1), (2, 0, 0), (0, 0, 2), (9, 9, 9), visible=False)
+    scene.add_light(lamp)
+    camera = ml.Camera.look_at((0, 9, 0), (0, 0, 0), (0, 0, -1), fov_y=45, width=size[0], height=size[1])
+    truth = _grey(_render(renderer, scene, camera, BRUTE, light_samples=1024))
+
+    def borders(**changes: object) -> list[float]:
+        frame = _render(renderer, scene, camera, AREA, **changes)
+        assert (frame.fragments.level_map == 4).all()
+        off = np.abs(_grey(frame) / truth - 1)
+        sides = (off[:4], off[:, :4], off[-4:], off[:, -4:])
+        return [float(side.mean()) for side in sides]
+
+    above, left, below, right = borders()
+    assert max(above, left) < 0.02
+    assert max(below, right) < 1.5 * max(above, left)
+    # negative control: without samples on borders light stops at the middles
+    assert min(borders(extra_samples="off")) > 2 * max(below, right)

@@ -23,6 +23,11 @@ struct LookUpParams {
 @group(0) @binding(6) var<storage, read> met: array<f32>;
 @group(0) @binding(7) var<storage, read_write> irradiance: array<vec4f>;
 
+// 1: the volume lies inside of another, whose irradiance is there.
+override NESTED: u32 = 0u;
+// Cells over which it goes over into that.
+const BLENDED: f32 = 2.0;
+
 // Share of the own cell by its distance from the receiver's plane, at least.
 const LEAST: f32 = 0.05;
 
@@ -32,6 +37,13 @@ fn looked_at(r: Receiver) -> vec3f {
     let before = 0.5 * CLEAR * (abs(n.x) + abs(n.y) + abs(n.z));
     let place = (r.origin - volume.corner) / volume.edge + before * n;
     return clamp(place, vec3f(0.0), vec3f(volume.size) - 0.001);
+}
+
+// Share of a volume inside of another: none on its border, where light of surfaces outside is missing.
+fn share_of_volume(r: Receiver) -> f32 {
+    let place = (r.origin - volume.corner) / volume.edge;
+    let inside = min(place, vec3f(volume.size) - place);
+    return clamp(min(inside.x, min(inside.y, inside.z)) / BLENDED, 0.0, 1.0);
 }
 
 // The cell that a place is in, or the one beside it where a surface between their middles lies nearer to this one's
@@ -93,6 +105,10 @@ fn main(
         return;
     }
     let r = receivers[i];
+    let taken = select(1.0, share_of_volume(r), NESTED == 1u);
+    if taken == 0.0 {
+        return;
+    }
     let place = looked_at(r);
     let own = seen_from(place);
     let away = place - (vec3f(own) + 0.5);
@@ -116,5 +132,10 @@ fn main(
     }
     let n = r.normal_shade;
     let found = vec3f(towards(n, lower[0], upper[0]), towards(n, lower[1], upper[1]), towards(n, lower[2], upper[2]));
-    irradiance[r.pixel] = vec4f(found * params.scale / max(shares, 1e-6), 0.0);
+    let light = vec4f(found * params.scale / max(shares, 1e-6), 0.0);
+    if NESTED == 1u {
+        irradiance[r.pixel] = mix(irradiance[r.pixel], light, taken);
+    } else {
+        irradiance[r.pixel] = light;
+    }
 }

@@ -1,11 +1,14 @@
 // Extra samples of large fragments [KJ16 Sec. 3.1.4]: three pixels on the upper and left border of each fragment above level 2,
 // in the middle of the upper side, in the corner, and in the middle of the left side. Fragments beside it have the others.
-//   find    which texels from level 3 on are fragments
+// Deviation: where the image ends on the right or below there are samples on its last column or row as well, see
+// `extra_places`: else the light of its last fragments would be continued from the middles alone.
+//   find    which texels from level 3 on are fragments, for each of three sets
 //   points  shading points of their samples; a pixel that sees no surface, or lies outside of the image, is none
 // In: fragment_at, G-buffer. Out: extra_flags; extra_receivers, extra_irradiance (fourth number 1 where there is a sample),
-// extra_at (a texel from level 3 on: 1 + the number of its fragment in the list, or 0), extra_count.
+// extra_at (set by set, a texel from level 3 on: 1 + its number in the list, or 0), extra_count.
 
 import package::common::border_samples::LARGE;
+import package::common::extra_places::{extra_pixel, extra_row, has_set, large_texels};
 import package::common::fragment::CULLED;
 import package::common::gbuffer::SURFACE;
 import package::common::grid::{Grid, item_index};
@@ -41,8 +44,11 @@ fn find(
 ) {
     let i = item_index(grid, group, groups, 64u, lane);
     if i < grid.end {
-        let at = fragment_at[pyramid.levels[LARGE].z + i];
-        extra_flags[i] = select(0u, 1u, at != 0u && at != CULLED);
+        let number = pyramid.levels[LARGE].z + i % large_texels();
+        let size = pyramid.levels[level_of(number)];
+        let at = fragment_at[number];
+        let counts = at != 0u && at != CULLED && has_set(i / large_texels(), texel_of(size, number - size.z), size);
+        extra_flags[i] = select(0u, 1u, counts);
     }
 }
 
@@ -59,13 +65,14 @@ fn points(
     }
     let entry = extra_list[i / 3u];
     let which = i % 3u;
-    let number = pyramid.levels[LARGE].z + entry;
+    let number = pyramid.levels[LARGE].z + entry % large_texels();
     let level = level_of(number);
     let size = pyramid.levels[level];
-    let half = (1u << level) / 2u;
-    let first = texel_of(size, number - size.z) << vec2u(level);
-    let pixel = first + select(vec2u(0u), select(vec2u(0u, half), vec2u(half, 0u), which == 0u), which != 1u);
-    let inside = all(pixel < pyramid.levels[0].xy);
+    let texel = texel_of(size, number - size.z);
+    let pixel = extra_pixel(entry / large_texels(), which, texel << vec2u(level), level);
+    // One that lies in another fragment, or is another sample, is none.
+    let own = extra_row(pixel, level) == 3u * entry + which;
+    let inside = all(pixel < pyramid.levels[0].xy) && own;
     let at = select(0u, pixel.y * pyramid.levels[0].x + pixel.x, inside);
     let counts = inside && g_normal[at].w == SURFACE;
     extra_receivers[i] = inactive_receiver();

@@ -1,11 +1,13 @@
 // The samples that the pixels of each large fragment choose from [KJ16 Fig. 5]: its own middle; the fragments beside it, found
 // at pixels just outside of its border; and extra samples on its border [KJ16 Sec. 3.1.4], three of its own and those of the
-// fragments to its right and below. They lie on the surface that the middle sees.
+// fragments to its right and below, or where the image ends those on its last column and row. They lie on the surface that
+// the middle sees.
 //   spread  extra samples by the texel that they belong to: a stage may bind no more buffers
 //   main    a thread for each texel from level 3 on
 // In: fragments and their irradiance, extra samples, level_map, G-buffer. Out: extra_rows; border_samples.
 
 import package::common::border_samples::{COUNT, LARGE, SLOTS, is_near, packed};
+import package::common::extra_places::{NO_ROW, extra_row};
 import package::common::fragment::CULLED;
 import package::common::gbuffer::SURFACE;
 import package::common::grid::{Grid, item_index};
@@ -54,23 +56,24 @@ fn place_beside(k: u32, width: i32) -> vec2i {
     return select(upper, lower, side >= 2u);
 }
 
-// Place k of extra samples: upper side, corner, left side; those of the fragments to the right, below, and below right.
-fn place_on_border(k: u32, width: i32) -> vec2i {
+// Place k of extra samples: upper side, corner, left side; those of the fragments to the right, below, and below right, no
+// further than the image's `last` column and row.
+fn place_on_border(k: u32, width: i32, last: vec2i) -> vec2i {
     let half = width / 2;
-    let column = array(half, 0, 0, width, width, 0, half, width);
-    let row = array(0, 0, half, 0, half, width, width, width);
+    let end = min(vec2i(width), last);
+    let column = array(half, 0, 0, end.x, end.x, 0, half, end.x);
+    let row = array(0, 0, half, 0, half, end.y, end.y, end.y);
     return vec2i(column[k], row[k]);
 }
 
-// Row of the extra sample at this very pixel of a fragment of this level; it may be that of none.
-fn extra_row(pixel: vec2u, level: u32) -> u32 {
-    let texel = pixel >> vec2u(level);
-    let within = pixel - (texel << vec2u(level));
-    let half = (1u << level) / 2u;
-    let which = select(select(0u, 2u, within.y != 0u), 1u, all(within == vec2u(0u)));
-    let exact = which == 1u || all(within == select(vec2u(half, 0u), vec2u(0u, half), which == 2u));
-    let row = 3u * (texel_number(pyramid.levels[level], texel) - pyramid.levels[LARGE].z) + which;
-    return select(0xffffffffu, row, exact);
+// Whether no place before is the same: where the image cuts a fragment its end may lie at its middle or its start.
+fn is_first(k: u32, width: i32, last: vec2i) -> bool {
+    let place = place_on_border(k, width, last);
+    var first = true;
+    for (var j = 0u; j < k; j++) {
+        first = first && any(place_on_border(j, width, last) != place);
+    }
+    return first;
 }
 
 @compute @workgroup_size(64)
@@ -119,14 +122,14 @@ fn main(
         }
     }
     for (var k = 0u; k < select(0u, ON_BORDER, EXTRAS); k++) {
-        let place = first + place_on_border(k, width);
-        let inside = known && all(place < size);
+        let place = first + place_on_border(k, width, size - 1 - first);
+        let inside = known && all(place < size) && is_first(k, width, size - 1 - first);
         let at = select(0u, u32(place.y) * pyramid.levels[0].x + u32(place.x), inside);
         let found = level_map[at];
         if inside && found >= LARGE && found <= pyramid.coarsest && lies_on(surface, at) {
             let row = extra_row(vec2u(place), found);
-            let light = extra_light[select(row, 0u, row == 0xffffffffu)];
-            if row != 0xffffffffu && light.w > 0.0 {
+            let light = extra_light[select(row, 0u, row == NO_ROW)];
+            if row != NO_ROW && light.w > 0.0 {
                 border_samples[SLOTS * i + count] = vec4u(bitcast<vec3u>(light.xyz), packed(place - first));
                 count++;
             }

@@ -19,6 +19,7 @@ use bytemuck::{Pod, Zeroable};
 use crate::error::Result;
 use crate::gpu::Buffer;
 use crate::passes::lights::virtual_light::{Rsm, VirtualLights};
+use crate::passes::lpv::Propagated;
 use crate::passes::visibility::{Hit, Ray};
 use crate::passes::{Context, GBuffer, TILE_PIXELS, gather_points};
 use crate::plan;
@@ -97,6 +98,8 @@ pub struct Indirect {
     pub evaluations: Evaluations,
     /// Where lights shine, and the list of virtual lights, where there are any.
     pub virtual_lights: Option<(Rsm, Option<VirtualLights>)>,
+    /// The volume that it went through, where there is one.
+    pub volume: Option<Propagated>,
 }
 
 /// Number of the form factor in `shaders/common/form_factor.wgsl`, and whether virtual lights are clusters.
@@ -158,7 +161,7 @@ pub fn record(context: &mut Context<'_, '_>, gbuffer: &GBuffer, glossy: bool) ->
     }
     let irradiance = final_gather(context, gbuffer)?;
     let evaluations = Evaluations::default();
-    Ok(Indirect { irradiance, levels: None, specular: None, evaluations, virtual_lights: None })
+    Ok(Indirect { irradiance, levels: None, specular: None, evaluations, virtual_lights: None, volume: None })
 }
 
 /// Rays of a wave.

@@ -231,7 +231,8 @@ pub fn record(context: &mut Context<'_, '_>, gbuffer: &GBuffer) -> Result<Indire
         Lights::List(list) => Some(list),
         Lights::Tree(_) => None,
     };
-    Ok(Indirect { irradiance, levels, specular: None, evaluations, virtual_lights: Some((work.rsm, list)) })
+    let virtual_lights = Some((work.rsm, list));
+    Ok(Indirect { irradiance, levels, specular: None, evaluations, virtual_lights, volume: None })
 }
 
 /// Indirect light where each virtual light has fragments of its own.
@@ -251,6 +252,7 @@ pub fn per_light(context: &mut Context<'_, '_>, gbuffer: &GBuffer, glossy: bool)
         specular: reflected.radiance,
         evaluations,
         virtual_lights: Some((rsm, Some(list))),
+        volume: None,
     })
 }
 

@@ -52,5 +52,5 @@ pub fn record(context: &mut Context<'_, '_>, gbuffer: &GBuffer) -> Result<Indire
         None => None,
     };
     let evaluations = Evaluations::default();
-    Ok(Indirect { irradiance, levels, specular: None, evaluations, virtual_lights: None })
+    Ok(Indirect { irradiance, levels, specular: None, evaluations, virtual_lights: None, volume: Some(light) })
 }

@@ -4,8 +4,7 @@ use std::f32::consts::PI;
 
 use bytemuck::{Pod, Zeroable};
 
-use super::Flow;
-use super::points::Placed;
+use super::Passed;
 use crate::error::Result;
 use crate::gpu::Buffer;
 use crate::passes::Context;
@@ -35,7 +34,7 @@ pub struct LookUpParams {
 pub(super) fn record(
     context: &mut Context<'_, '_>,
     (receivers, count): (&Buffer<Receiver>, usize),
-    (passed, placed): (&[Flow; 2], &Placed),
+    Passed { placed, passed }: &Passed,
     irradiance: &Buffer<[f32; 4]>,
 ) -> Result<()> {
     let volume = &placed.volume;
@@ -43,7 +42,9 @@ pub(super) fn record(
     // A mean of 1 is a flux of the square root of 4 pi.
     let scale = (4.0 * PI).sqrt() / area;
     let params = LookUpParams { scale, pad0: 0, pad1: 0, pad2: 0 };
-    let kernel = context.kernel("lpv/look_up", "main")?;
+    // One inside of another takes over what it holds, less and less towards its border.
+    let nested = f64::from(u8::from(placed.first.is_some()));
+    let kernel = context.kernel_with("lpv/look_up", "main", &[("NESTED", nested)])?;
     let pass = context.recorder.pass("look_up", &kernel).uniform("volume", volume).uniform("params", &params);
     let pass = pass.bind("receivers", receivers).bind("passed_lower", &passed[0]).bind("passed_upper", &passed[1]);
     let pass = pass.bind("open", &placed.open).bind("met", &placed.met);

@@ -4,6 +4,7 @@
 pub mod blockers;
 pub mod inject;
 pub mod look_up;
+pub mod nested;
 pub mod points;
 pub mod propagate;
 pub mod sample_rays;
@@ -92,10 +93,19 @@ pub fn check(settings: &Settings, gpu: &Gpu) -> Result<()> {
 }
 
 /// The light of a frame, ready to be looked up.
+#[derive(Clone)]
 pub struct Propagated {
-    placed: Arc<Placed>,
+    /// That of the whole scene first, then of each volume inside of the one before.
+    pub volumes: Vec<Passed>,
+}
+
+/// The light of a volume.
+#[derive(Clone)]
+pub struct Passed {
+    /// The volume.
+    pub placed: Arc<Placed>,
     /// Means that left each cell through its lower faces, and through its upper ones.
-    passed: [Flow; 2],
+    pub passed: [Flow; 2],
 }
 
 impl Propagated {
@@ -109,38 +119,57 @@ impl Propagated {
         receivers: (&Buffer<Receiver>, usize),
         irradiance: &Buffer<[f32; 4]>,
     ) -> Result<()> {
-        look_up::record(context, receivers, (&self.passed, &self.placed), irradiance)
+        self.volumes.iter().try_for_each(|volume| look_up::record(context, receivers, volume, irradiance))
     }
 }
 
-/// Gathers at the surface samples, leaves what they reflect in the volume and lets it propagate.
+/// Gathers at the surface samples, leaves what they reflect in the volumes and lets it propagate.
 ///
 /// # Errors
 /// Those of the device; `Cancelled`.
 pub fn record(context: &mut Context<'_, '_>) -> Result<Propagated> {
     let asked = Asked::of(context.settings);
-    let placed = match context.volumes.placed(asked) {
+    let placed = match context.volumes.placed(0, asked) {
         Some(placed) => placed,
-        None => {
-            let placed = place(context, asked)?;
-            context.volumes.keep(asked, Arc::clone(&placed));
-            placed
-        }
+        None => place(context, 0, asked, Volume::of(context.prepared, asked.resolution))?,
     };
+    let mut volumes = vec![propagate(context, 0, placed, None)?];
+    for level in 1..context.settings.int("lpv_cascades") as usize {
+        let Some(outer) = volumes.last().cloned() else { break };
+        let (asked, volume) = nested::asked(context.settings, &outer.placed, &context.view);
+        let placed = match context.volumes.placed(level, asked) {
+            Some(placed) => placed,
+            None => place(context, level, asked, volume)?,
+        };
+        volumes.push(propagate(context, level, placed, Some(&outer))?);
+    }
+    Ok(Propagated { volumes })
+}
+
+/// The light of one volume; what enters it comes from the one outside.
+fn propagate(
+    context: &mut Context<'_, '_>,
+    level: usize,
+    placed: Arc<Placed>,
+    outer: Option<&Passed>,
+) -> Result<Passed> {
     let radiosity = gather(context, &placed)?;
     let coefficients = 3 * placed.volume.cells as usize;
     let flow: Flow = context.resources.buffer("lpv_flow", coefficients)?;
-    let passed = ["lpv_passed_lower", "lpv_passed_upper"].map(|name| context.resources.buffer(name, coefficients));
-    let [lower, upper] = passed;
+    let names = ["lower", "upper"].map(|side| format!("lpv_passed_{side}_{level}"));
+    let [lower, upper] = names.map(|name| context.resources.buffer(&name, coefficients));
     let passed = [lower?, upper?];
     for sums in &passed {
         context.recorder.clear(sums)?;
     }
     for &side in sides(context.settings) {
         inject::record(context, &placed, &radiosity, side, &flow)?;
+        if let Some(outer) = outer {
+            inject::enter(context, &placed, outer, side, &flow)?;
+        }
         propagate::record(context, &placed, side, &flow, &passed)?;
     }
-    Ok(Propagated { placed, passed })
+    Ok(Passed { placed, passed })
 }
 
 /// Ways that surfaces face whose light propagates by itself; 0: that of all together.
@@ -149,15 +178,18 @@ fn sides(settings: &Settings) -> &'static [IVec3] {
     if settings.is("lpv_transport", "sides") { &SIX } else { &[IVec3::ZERO] }
 }
 
-/// A new volume, and samples whose light is left in cells that they see.
-fn place(context: &mut Context<'_, '_>, asked: Asked) -> Result<Arc<Placed>> {
+/// A new volume of a level, and samples whose light is left in cells that they see.
+fn place(context: &mut Context<'_, '_>, level: usize, asked: Asked, volume: Volume) -> Result<Arc<Placed>> {
     let gpu = context.recorder.gpu().clone();
-    let volume = Volume::of(context.prepared, asked.resolution);
     let met = gpu.buffer("lpv_met", 3 * volume.cells as usize, Usage::Storage)?;
     let open = gpu.buffer("lpv_open", volume.cells as usize, Usage::Storage)?;
     blockers::record(context, &volume, &met, &open)?;
     let (prepared, kept) = (context.prepared, &mut *context.volumes);
-    context.recorder.host("surface_samples", |gpu, _| kept.place(gpu, prepared, asked, (volume, met, open)))
+    let asked_of = (level, asked);
+    let placed =
+        context.recorder.host("surface_samples", |gpu, _| kept.place(gpu, prepared, asked_of, (volume, met, open)))?;
+    context.volumes.keep(level, asked, Arc::clone(&placed));
+    Ok(placed)
 }
 
 /// Radiosity of every side of a sample, from points on the lights that it sees.

@@ -8,6 +8,7 @@ use bytemuck::{Pod, Zeroable};
 use glam::{DMat3, DVec3, UVec3, Vec3};
 
 use super::Volume;
+use super::nested::MOST;
 use crate::error::Result;
 use crate::gpu::{Buffer, Gpu};
 use crate::scene::prepare::{self, Prepared};
@@ -55,11 +56,17 @@ pub struct LpvCell {
 pub struct Placed {
     /// Where they are.
     pub volume: Volume,
+    /// Of a volume inside of another: the cell of that with which it begins.
+    pub first: Option<[u32; 3]>,
     /// By cell.
     pub points: Buffer<LpvPoint>,
     /// Sides of samples.
     pub count: usize,
+    /// Of the scene.
+    pub samples: u32,
     /// Cells with points.
+    pub held: Vec<LpvCell>,
+    /// The same on the device.
     pub cells: Buffer<LpvCell>,
     /// How many.
     pub occupied: usize,
@@ -80,6 +87,8 @@ pub struct Asked {
     pub seed: u32,
     /// Whether surfaces block light.
     pub blocked: bool,
+    /// Of a volume inside of another: the cell of that with which it begins.
+    pub first: Option<[u32; 3]>,
 }
 
 impl Asked {
@@ -90,6 +99,7 @@ impl Asked {
             resolution: settings.int("lpv_resolution"),
             seed: settings.int("seed"),
             blocked: settings.is("indirect_visibility", "on"),
+            first: None,
         }
     }
 }
@@ -100,8 +110,8 @@ type Key = (u64, [i64; 6], usize, u32);
 /// What is kept between frames.
 #[derive(Default)]
 pub struct Kept {
-    samples: BTreeMap<Key, Arc<Vec<SurfaceSample>>>,
-    placed: Option<(Asked, Arc<Placed>)>,
+    samples: [BTreeMap<Key, Arc<Vec<SurfaceSample>>>; MOST],
+    placed: [Option<(Asked, Arc<Placed>)>; MOST],
     version: u64,
 }
 
@@ -109,17 +119,18 @@ impl Kept {
     /// Forgets what lies elsewhere when the placed scene has another version.
     pub fn follow(&mut self, version: u64) {
         if version != self.version {
-            self.placed = None;
+            self.placed = Default::default();
             self.version = version;
         }
     }
 
-    /// Points for what is asked, where they are kept.
-    pub fn placed(&self, asked: Asked) -> Option<Arc<Placed>> {
-        self.placed.as_ref().filter(|(known, _)| *known == asked).map(|(_, placed)| Arc::clone(placed))
+    /// Points for what is asked of a level, where they are kept.
+    pub fn placed(&self, level: usize, asked: Asked) -> Option<Arc<Placed>> {
+        let placed = self.placed.get(level)?.as_ref();
+        placed.filter(|(known, _)| *known == asked).map(|(_, placed)| Arc::clone(placed))
     }
 
-    /// Points for what is asked in a volume whose faces are known.
+    /// Points for what is asked of a level, in a volume whose faces are known.
     ///
     /// # Errors
     /// Those of the device.
@@ -127,20 +138,22 @@ impl Kept {
         &mut self,
         gpu: &Gpu,
         prepared: &Prepared,
-        asked: Asked,
+        (level, asked): (usize, Asked),
         (volume, met, open): (Volume, Buffer<f32>, Buffer<u32>),
     ) -> Result<Arc<Placed>> {
-        self.placed = None;
         let cells_of = Cells { volume, met: gpu.read(&met)? };
-        let sides = self.sides(prepared, &cells_of, asked);
+        let sides = self.sides(prepared, &cells_of, (level, asked));
         let points: Vec<LpvPoint> = sides.iter().map(|(_, point)| *point).collect();
         let cells = cells(&sides);
         let placed = Arc::new(Placed {
             volume,
+            first: asked.first,
             points: gpu.upload("lpv_points", &points)?,
             count: points.len(),
+            samples: asked.samples,
             cells: gpu.upload("lpv_cells", &cells)?,
             occupied: cells.len(),
+            held: cells,
             met,
             open,
         });
@@ -148,12 +161,15 @@ impl Kept {
     }
 
     /// Keeps what [`Kept::place`] made, complete now.
-    pub fn keep(&mut self, asked: Asked, placed: Arc<Placed>) {
-        self.placed = Some((asked, placed));
+    pub fn keep(&mut self, level: usize, asked: Asked, placed: Arc<Placed>) {
+        if let Some(kept) = self.placed.get_mut(level) {
+            *kept = Some((asked, placed));
+        }
     }
 
-    /// Both sides of each sample with the cell before it, by cell.
-    fn sides(&mut self, prepared: &Prepared, cells: &Cells, asked: Asked) -> Vec<(u32, LpvPoint)> {
+    /// Both sides of each sample with the cell before it, by cell; of a volume inside of another those in it.
+    fn sides(&mut self, prepared: &Prepared, cells: &Cells, (level, asked): (usize, Asked)) -> Vec<(u32, LpvPoint)> {
+        let mut known = std::mem::take(&mut self.samples[level]);
         let shapes: Vec<Shape> = prepared.placed.iter().map(Shape::of).collect();
         let whole: f64 = shapes.iter().map(|shape| shape.area).sum();
         let mut used = BTreeMap::new();
@@ -169,13 +185,14 @@ impl Kept {
                 let (mesh, seed) = (&placed.mesh, u64::from(asked.seed));
                 Arc::new(surface_samples::sample(&mesh.positions, &mesh.triangles, shape.map, count, seed))
             };
-            let samples = self.samples.remove(&key).or_else(|| used.get(&key).cloned()).unwrap_or_else(made);
+            let samples = known.remove(&key).or_else(|| used.get(&key).cloned()).unwrap_or_else(made);
             for sample in samples.iter() {
-                sides.extend(both_sides(placed, instance as u32, sample, cells));
+                let both = both_sides(placed, instance as u32, sample, cells);
+                sides.extend(both.into_iter().filter(|(cell, _)| *cell != OUTSIDE));
             }
             used.insert(key, samples);
         }
-        self.samples = used;
+        self.samples[level] = used;
         sides.sort_by_key(|(cell, _)| *cell);
         sides
     }
@@ -225,10 +242,14 @@ fn both_sides(placed: &prepare::Placed, instance: u32, sample: &SurfaceSample, c
     let normal = (b - a).cross(c - a).normalize_or_zero();
     [normal, -normal].map(|normal| {
         let normal = normal.as_vec3();
-        let cell = cells.cell_before(position.as_vec3(), normal);
+        let cell = cells.inside(position.as_vec3()).then(|| cells.cell_before(position.as_vec3(), normal));
+        let cell = cell.unwrap_or(OUTSIDE);
         (cell, LpvPoint { normal: normal.to_array(), area: area as f32, instance, triangle, u, v })
     })
 }
+
+/// Cell of what lies outside of the volume.
+const OUTSIDE: u32 = u32::MAX;
 
 /// The volume as the host sees it.
 struct Cells {
@@ -237,6 +258,11 @@ struct Cells {
 }
 
 impl Cells {
+    fn inside(&self, position: Vec3) -> bool {
+        let place = (position - Vec3::from(self.volume.corner)) / self.volume.edge;
+        place.cmpge(Vec3::ZERO).all() && place.cmplt(UVec3::from(self.volume.size).as_vec3()).all()
+    }
+
     /// The cell half a cell before a surface, whose middle lies clear of it and on the same side of what closes faces; as
     /// `seen_from` in `shaders/passes/lpv/look_up.wgsl`.
     fn cell_before(&self, position: Vec3, normal: Vec3) -> u32 {
@@ -283,7 +309,7 @@ mod tests {
     use crate::scene::snapshot::{Instance, Snapshot};
     use glam::{DMat4, DQuat};
 
-    const ASKED: Asked = Asked { samples: 500, resolution: 16, seed: 0, blocked: true };
+    const ASKED: Asked = Asked { samples: 500, resolution: 16, seed: 0, blocked: true, first: None };
 
     /// Two triangles of 2 x 1 placed so.
     fn placed(transforms: &[DMat4]) -> Prepared {
@@ -306,7 +332,7 @@ mod tests {
     fn sides(prepared: &Prepared) -> Vec<(u32, LpvPoint)> {
         let volume = Volume::of(prepared, ASKED.resolution);
         let met = vec![NOWHERE; 3 * volume.cells as usize];
-        Kept::default().sides(prepared, &Cells { volume, met }, ASKED)
+        Kept::default().sides(prepared, &Cells { volume, met }, (0, ASKED))
     }
 
     fn area(sides: &[(u32, LpvPoint)], instance: u32) -> f64 {

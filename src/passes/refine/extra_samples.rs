@@ -10,8 +10,11 @@ use crate::passes::refine::one_pass::Fragments;
 use crate::passes::visibility::Receiver;
 use crate::passes::{Context, GBuffer};
 
-/// Samples of a fragment.
+/// Samples of a texel in each set.
 pub const SAMPLES: usize = 3;
+/// Sets of samples: on upper and left sides, on the image's last column, on its last row; see
+/// `shaders/common/extra_places.wgsl`.
+const SETS: usize = 3;
 /// The smallest fragments that have some; twin of `LARGE` in `shaders/common/border_samples.wgsl`.
 pub const LARGE: u32 = 3;
 
@@ -30,12 +33,12 @@ pub struct ExtraSamplesParams {
 }
 
 /// Samples beyond the partition: in the middle of the upper side, in the corner and in the middle of the left side of each
-/// fragment from level [`LARGE`] on.
+/// fragment from level [`LARGE`] on, and where the image ends on its last column and row.
 #[derive(Debug, Clone)]
 pub struct Extras {
-    /// A texel from level [`LARGE`] on: 0, or 1 + the number of its fragment in the list.
+    /// Set by set, a texel from level [`LARGE`] on: 0, or 1 + its number in the list.
     pub at: Buffer<u32>,
-    /// [`SAMPLES`] a fragment of the list; the fourth number is 1 where there is a sample.
+    /// [`SAMPLES`] an entry of the list; the fourth number is 1 where there is a sample.
     pub irradiance: Buffer<[f32; 4]>,
     /// Their shading points.
     pub receivers: Buffer<Receiver>,
@@ -51,7 +54,7 @@ pub struct Extras {
 /// Those of the device.
 pub fn record(context: &mut Context<'_, '_>, gbuffer: &GBuffer, fragments: &Fragments) -> Result<Extras> {
     let pyramid = fragments.texels.pyramid;
-    let texels = pyramid.texels() - pyramid.first_texel(LARGE);
+    let texels = SETS * (pyramid.texels() - pyramid.first_texel(LARGE));
     let at: Buffer<u32> = context.resources.buffer("extra_at", texels.max(1))?;
     let count: Buffer<u32> = context.resources.buffer("extra_count", 1)?;
     context.recorder.clear(&at)?;

@@ -112,3 +112,64 @@ def test_a_lit_square_is_a_clamped_cosine(runner: Runner) -> None:
     expected = intensity * np.array([np.sqrt(np.pi) / 2, 0, 0, np.sqrt(np.pi / 3)])
     assert_within(at, np.tile(expected, (3, 1)), 1e-6, "coefficients")
     assert np.count_nonzero(found) == 6
+
+
+def _entered(
+    runner: Runner, flow: Array, first: Array, passed: Array, met: Array, most: float, side: Array | None
+) -> Array:
+    """`enter` of a volume of the flow's size inside of one of `met`'s."""
+    size = np.array(flow.shape[3:0:-1])
+    inner = lpv.Volume(VOLUME.corner + first * VOLUME.edge, VOLUME.edge / 2, tuple(int(n) for n in size))
+    outer = np.array(met.shape[:0:-1])
+    means = np.zeros((2, passed[0].size, 4), np.float32)
+    for face in range(6):
+        means[face % 2, :, face // 2] = passed[face].ravel()
+    given = {"most": most, "outer": outer, "outer_cells": outer.prod(), "first": first}
+    out = runner(
+        "passes/lpv/inject",
+        3 * inner.cells,
+        entry="enter",
+        volume=inner.record(),
+        entering=record(lpv.ENTER, side=(0, 0, 0) if side is None else side, **given),
+        flow=flow.reshape(-1, 4).astype(np.float32),
+        outer_met=met.ravel().astype(np.float32),
+        outer_lower=means[0],
+        outer_upper=means[1],
+    )
+    found: Array = read(out, "flow", np.float32, 3, *flow.shape[1:4], 4).astype(np.float64)
+    return found
+
+
+@pytest.mark.parametrize("first", [(0, 0, 0), (2, 1, 1), (1, 2, 0)])
+def test_light_enters_through_the_border(
+    runner: Runner, rng: np.random.Generator, first: tuple[int, int, int]
+) -> None:
+    """Of six sides and of all, with surfaces before and behind the border."""
+    at = np.array(first)
+    flow = np.zeros((3, 6, 6, 8, 4))
+    flow[..., 0] = rng.uniform(0, 1, flow.shape[:-1]) * (rng.uniform(size=flow.shape[:-1]) < 0.3)
+    passed = rng.uniform(0, 1, (6, 3, *VOLUME.shape)).astype(np.float32).astype(np.float64)
+    rooms = rng.integers(0, 2, VOLUME.shape)
+    met = lpv.surfaces(VOLUME, rooms, 0.3)
+    met = np.where(rng.uniform(size=met.shape) < 0.5, met, np.where(met == lpv.NOWHERE, met, 0.7))
+    bound = 1e-5 * flow.max()
+    for side in (None, *lpv.AXES):
+        found = _entered(runner, flow, at, passed, met, 0.7, side)
+        expected = lpv.enter(flow, at, passed, met, 0.7, side)
+        assert_within(found, expected, bound, "flow")
+        if side is not None:
+            assert_not_within(found, lpv.enter(flow, at, passed, met, 0.7, -side), bound)
+    found = _entered(runner, flow, at, passed, met, 0.7, None)
+    assert_not_within(found, lpv.enter(flow, at, passed, np.full_like(met, lpv.NOWHERE), 0.7, None), bound)
+
+
+def test_what_enters_is_what_left(runner: Runner) -> None:
+    """All that leaves the cells outside towards a volume is in it; sides share it."""
+    flow, at = np.zeros((3, 4, 4, 4, 4)), np.array([1, 1, 1])
+    passed = np.ones((6, 3, *VOLUME.shape))
+    met = np.full((3, *VOLUME.shape), lpv.NOWHERE)
+    whole = _entered(runner, flow, at, passed, met, 1.0, None)
+    # six sides of two by two cells outside, each with a mean of 1
+    assert_within(whole[..., 0].sum((1, 2, 3)), np.full(3, 24.0), 1e-4, "all")
+    sides = sum(_entered(runner, flow, at, passed, met, 1.0, side) for side in lpv.AXES)
+    assert_within(sides, whole, 1e-5, "six sides")

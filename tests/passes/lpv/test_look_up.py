@@ -30,14 +30,20 @@ def _receivers(rng: np.random.Generator, count: int) -> NDArray[Any]:
     return receivers
 
 
-def _run(runner: Runner, receivers: NDArray[Any], passed: Array, met: Array) -> NDArray[np.float32]:
-    """Irradiance in the order of the receivers; `passed` is (6, 3, z, y, x)."""
+def _run(
+    runner: Runner, receivers: NDArray[Any], passed: Array, met: Array, outside: float | None = None
+) -> NDArray[np.float32]:
+    """Irradiance in the order of the receivers; `passed` is (6, 3, z, y, x).
+
+    With `outside` the volume lies inside of another, which has that irradiance everywhere.
+    """
     means = np.zeros((2, passed[0].size, 4), np.float32)
     for face in range(6):
         means[face % 2, :, face // 2] = passed[face].ravel()
     out = runner(
         "passes/lpv/look_up",
         len(receivers),
+        constants={"NESTED": float(outside is not None)},
         volume=VOLUME.record(),
         params=record(lpv.LOOK_UP, scale=np.sqrt(4 * np.pi) / VOLUME.edge**2),
         receivers=receivers,
@@ -45,7 +51,7 @@ def _run(runner: Runner, receivers: NDArray[Any], passed: Array, met: Array) -> 
         passed_upper=means[1],
         open=lpv.masks(VOLUME, met).ravel(),
         met=met.ravel().astype(np.float32),
-        irradiance=np.full((len(receivers), 4), -7, np.float32),
+        irradiance=np.full((len(receivers), 4), -7 if outside is None else outside, np.float32),
     )
     found = read(out, "irradiance", np.float32, -1, 4)
     return found[np.where(receivers["pixel"] == MISS, 0, receivers["pixel"]), :3]
@@ -77,6 +83,27 @@ def test_receivers_see_the_cells_before_them(runner: Runner, rng: np.random.Gene
         assert_not_within(found, _expected(turned, passed, met), bound)
     assert_not_within(found, _expected(receivers, passed, NOTHING), bound)
     assert_not_within(found, _expected(receivers, passed, lpv.surfaces(VOLUME, rooms, 0.6)), bound)
+
+
+def test_a_volume_inside_of_another_takes_over_from_its_border_on(
+    runner: Runner, rng: np.random.Generator
+) -> None:
+    """Within two cells of the border less and less; outside of it the other's light stays."""
+    receivers = _receivers(rng, 1500)
+    inside = rng.uniform(-1, np.array(VOLUME.size) + 1, (1500, 3))
+    receivers["origin"] = VOLUME.corner + inside * VOLUME.edge
+    passed = rng.uniform(0, 1, (6, 3, *VOLUME.shape)).astype(np.float32).astype(np.float64)
+    found = _run(runner, receivers, passed, NOTHING, 3.0)
+    place = (receivers["origin"].astype(np.float64) - VOLUME.corner) / VOLUME.edge
+    near = np.minimum(place, np.array(VOLUME.size) - place).min(axis=1)
+    share = np.clip(near / 2, 0, 1)[:, None]
+    assert (share == 0).any()
+    assert (share == 1).any()
+    own = _expected(receivers, passed, NOTHING)
+    bound = 1e-4 * own.max()
+    assert_within(found, share * own + (1 - share) * 3.0, bound, "irradiance")
+    assert_not_within(found, own, bound)
+    assert (found[share[:, 0] == 0] == 3.0).all()
 
 
 def _beams(w: Array, radiance: Array) -> Array:

@@ -36,6 +36,16 @@ PROPAGATE = np.dtype(
         ("first", "<u4"),
     ]
 )
+ENTER = np.dtype(
+    [
+        ("side", "<f4", 3),
+        ("most", "<f4"),
+        ("outer", "<u4", 3),
+        ("outer_cells", "<u4"),
+        ("first", "<u4", 3),
+        ("pad", "<u4"),
+    ]
+)
 BLOCKERS = np.dtype([("first", "<u4"), ("pad0", "<u4"), ("pad1", "<u4"), ("pad2", "<u4")])
 LOOK_UP = np.dtype([("scale", "<f4"), ("pad0", "<u4"), ("pad1", "<u4"), ("pad2", "<u4")])
 
@@ -272,6 +282,33 @@ def inject(
         for p, area in zip(mine, each, strict=True):
             flow[:, c] += np.outer(part[p] * radiosity[p] * area, clamped_cosine(normals[p]))
     return limited(flow, most).reshape(3, *volume.shape, 4)
+
+
+def enter(flow: Array, first: Array, passed: Array, met: Array, most: float, side: Array | None) -> Array:
+    """`flow` of a volume inside, and what left the cells outside through its border, a fourth in each.
+
+    `passed` (6, 3, z, y, x) and `met` are of the volume outside. Nothing from behind a surface that lies
+    between a cell's middle and the border; only what flies towards `side`, if there is one.
+    """
+    size, outer = np.array(flow.shape[3:0:-1]), np.array(met.shape[:0:-1])
+    entered = np.zeros_like(flow)
+    for face, outwards in enumerate(AXES.astype(int)):
+        axis = face // 2
+        if side is not None and side @ outwards >= 0:
+            continue
+        for at in np.ndindex(*size):
+            within = first + np.array(at) // 2
+            beyond = within + outwards
+            if at[axis] != (0, size[axis] - 1)[face % 2] or not 0 <= beyond[axis] < outer[axis]:
+                continue
+            surface = met[(axis, *np.minimum(within, beyond)[::-1])]
+            if surface != NOWHERE and (surface if face % 2 == 0 else 1 - surface) < 0.5:
+                continue
+            mean = passed[(face ^ 1, slice(None), *beyond[::-1])] / 4
+            lobe = np.sqrt(4 * np.pi) * clamped_cosine(AXES[face ^ 1])
+            entered[(slice(None), *at[::-1])] += np.outer(mean, lobe)
+    lit = entered[..., :1] > 0
+    return np.where(lit, limited(flow + entered, most), flow)
 
 
 def falling(normal: Array, passed: Array) -> Array:

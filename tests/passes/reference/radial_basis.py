@@ -28,7 +28,10 @@ class Sample:
 
 @dataclasses.dataclass
 class Extras:
-    """Light of the extra samples of each texel from level 3 on, (n, 3, 3), and which there are, (n, 3)."""
+    """Light of the extra samples of each texel from level 3 on, thrice, and which there are.
+
+    (3 n, 3, 3) and (3 n, 3): on upper and left sides, on the image's last column, on its last row.
+    """
 
     light: Array
     there: NDArray[np.bool_]
@@ -81,11 +84,34 @@ def _around(width: int) -> list[tuple[int, int]]:
     return top + right + [(x, width) for x in back] + [(-1, y) for y in back]
 
 
-def _on_border(width: int) -> list[tuple[int, int]]:
-    """Places of extra samples: its own three, and those of fragments to the right and below."""
-    half = width // 2
+def _on_border(width: int, last: tuple[int, int]) -> list[tuple[int, int]]:
+    """Places of extra samples: its own three, and those of fragments to the right and below.
+
+    No further than the image's last column and row, each once.
+    """
+    half, right, below = width // 2, min(width, last[0]), min(width, last[1])
     own = [(half, 0), (0, 0), (0, half)]
-    return [*own, (width, 0), (width, half), (0, width), (half, width), (width, width)]
+    places = [*own, (right, 0), (right, half), (0, below), (half, below), (right, below)]
+    return list(dict.fromkeys(places))
+
+
+def places_of(case: Case, level: int, row: int, column: int) -> dict[tuple[int, int], tuple[int, int]]:
+    """Set and number of the extra sample at each pixel, (x, y), of a fragment that has one."""
+    columns, rows, _, _ = case.levels[0]
+    (x, y), half = (column << level, row << level), 1 << level >> 1
+    wanted = [((x + half, y), (0, 0)), ((x, y), (0, 1)), ((x, y + half), (0, 2))]
+    right, below = (column + 1) << level >= columns, (row + 1) << level >= rows
+    if right and below:
+        wanted.append(((columns - 1, rows - 1), (1, 2)))
+    if right:
+        wanted += [((columns - 1, y), (1, 0)), ((columns - 1, y + half), (1, 1))]
+    if below:
+        wanted += [((x, rows - 1), (2, 0)), ((x + half, rows - 1), (2, 1))]
+    found: dict[tuple[int, int], tuple[int, int]] = {}
+    for pixel, sample in wanted:
+        if pixel[0] < columns and pixel[1] < rows:
+            found.setdefault(pixel, sample)
+    return found
 
 
 def border_samples(
@@ -113,20 +139,23 @@ def border_samples(
             samples.append(beside[1])
             earliest = beside[0] if earliest == own else earliest
             before = beside[0]
-    for dx, dy in _on_border(width) if extras is not None else []:
+    last = columns - 1 - first[0], rows - 1 - first[1]
+    texels = sum(level[3] for level in case.levels[LARGE : case.coarsest + 1])
+    for dx, dy in _on_border(width, last) if extras is not None else []:
         x, y = first[0] + dx, first[1] + dy
         if not (x < columns and y < rows):
             continue
         there = int(case.level_map.ravel()[y * columns + x])
         if not LARGE <= there <= case.coarsest or not surface.same(at, y * columns + x, width):
             continue
-        half, within = 1 << there >> 1, (x % (1 << there), y % (1 << there))
-        if extras is not None and within in ((half, 0), (0, 0), (0, half)):
-            which = ((half, 0), (0, 0), (0, half)).index(within)
-            across, _, number, _ = case.levels[there]
-            texel = number + (y >> there) * across + (x >> there) - case.levels[LARGE][2]
-            if extras.there[texel, which]:
-                samples.append(Sample(np.array([x, y], np.float64), 0, extras.light[texel, which]))
+        found_at = places_of(case, there, y >> there, x >> there).get((x, y))
+        if extras is not None and found_at is not None:
+            number, which = found_at
+            across, _, first_texel, _ = case.levels[there]
+            texel = first_texel + (y >> there) * across + (x >> there) - case.levels[LARGE][2]
+            if extras.there[number * texels + texel, which]:
+                light = extras.light[number * texels + texel, which]
+                samples.append(Sample(np.array([x, y], np.float64), 0, light))
     return samples, surface.clear
 
 

@@ -1,4 +1,4 @@
-"""`extra_samples`: three pixels on the border of every large fragment [KJ16 Sec. 3.1.4]."""
+"""`extra_samples`: pixels on borders of large fragments and of the image [KJ16 Sec. 3.1.4]."""
 
 from __future__ import annotations
 
@@ -21,12 +21,42 @@ LARGE = 3
 SIZES = [((70, 45), 4), ((37, 21), 3), ((129, 64), 6), ((1, 40), 4), ((9, 9), 3)]
 
 
-def _places(size: tuple[int, int], level: int, row: int, column: int) -> list[int | None]:
-    """Pixels in the middle of the upper side, in the corner, and in that of the left side; None outside."""
-    width = 2**level
-    x, y = column * width, row * width
-    all_ = [(x + width // 2, y), (x, y), (x, y + width // 2)]
-    return [r * size[0] + c if c < size[0] and r < size[1] else None for c, r in all_]
+Texel = tuple[int, int, int]
+
+
+def _places(size: tuple[int, int], level: int, row: int, column: int) -> dict[tuple[int, int], int]:
+    """Pixels of samples by set and number: upper and left side, the image's last column, its last row.
+
+    A pixel is one sample: that of the first set, the image's last pixel, the last column, the last row.
+    """
+    half, x, y, (columns, rows) = 2**level // 2, column * 2**level, row * 2**level, size
+    right, below = x + 2**level >= columns, y + 2**level >= rows
+    wanted = {(0, 0): (x + half, y), (0, 1): (x, y), (0, 2): (x, y + half)}
+    if right and below:
+        wanted[1, 2] = (columns - 1, rows - 1)
+    if right:
+        wanted |= {(1, 0): (columns - 1, y), (1, 1): (columns - 1, y + half)}
+    if below:
+        wanted |= {(2, 0): (x, rows - 1), (2, 1): (x + half, rows - 1)}
+    found: dict[tuple[int, int], int] = {}
+    for key, (c, r) in wanted.items():
+        if c < columns and r < rows and r * columns + c not in found.values():
+            found[key] = r * columns + c
+    return found
+
+
+def _entries(size: tuple[int, int], coarsest: int, large: list[Texel]) -> dict[int, tuple[Texel, int]]:
+    """Numbers in the list of sets, ascending: texel and set."""
+    levels = sizes(*size)
+    texels = sum(level[3] for level in levels[LARGE : coarsest + 1])
+    found = {}
+    for level, row, column in large:
+        columns, rows, first, _ = levels[level]
+        number = first + row * columns + column - levels[LARGE][2]
+        for key, there in enumerate((True, column == columns - 1, row == rows - 1)):
+            if there:
+                found[key * texels + number] = ((level, row, column), key)
+    return dict(sorted(found.items()))
 
 
 def _case(
@@ -56,50 +86,48 @@ def test_large_fragments_are_found(
     first = sizes(*size)[LARGE][2]
     out = runner(
         STEM,
-        len(at) - first,
+        3 * (len(at) - first),
         entry="find",
         pyramid=pyramid_record(view, coarsest, 0, 0),
         fragment_at=at,
-        extra_flags=np.full(len(at) - first, 7, np.uint32),
+        extra_flags=np.full(3 * (len(at) - first), 7, np.uint32),
     )
     flags = read(out, "extra_flags", np.uint32)
-    numbers = [sizes(*size)[level][2] + row * sizes(*size)[level][0] + column for level, row, column in large]
-    assert (np.flatnonzero(flags) + first == numbers).all()
+    assert (np.flatnonzero(flags) == list(_entries(size, coarsest, large))).all()
     assert set(flags) <= {0, 1}
     assert flags.any()
 
 
 @pytest.mark.parametrize(("size", "coarsest"), SIZES)
-def test_samples_lie_on_the_upper_and_left_border(
+def test_samples_lie_on_borders(
     runner: Runner, rng: np.random.Generator, size: tuple[int, int], coarsest: int
 ) -> None:
     view, g, at, large = _case(rng, size, coarsest)
-    levels = sizes(*size)
-    first = levels[LARGE][2]
-    entries = [levels[level][2] + row * levels[level][0] + column - first for level, row, column in large]
-    places = 3 * len(large)
+    first = sizes(*size)[LARGE][2]
+    entries = _entries(size, coarsest, large)
+    places = 3 * len(entries)
     out = runner(
         STEM,
         places,
         entry="points",
         params=record(EXTRA_SAMPLES, patterns=7, seed=5),
         pyramid=pyramid_record(view, coarsest, 0, 0),
-        extra_list=np.array(entries, np.uint32),
+        extra_list=np.array(list(entries), np.uint32),
         extra_receivers=np.full(places, 9, RECEIVER),
         extra_irradiance=np.full((places, 4), 9, np.float32),
-        extra_at=np.zeros(len(at) - first, np.uint32),
+        extra_at=np.zeros(3 * (len(at) - first), np.uint32),
         extra_count=np.zeros(1, np.uint32),
         **g.rows(),
     )
     receivers = read(out, "extra_receivers", RECEIVER)
     light = read(out, "extra_irradiance", np.float32, places, 4)
-    pixels = [pixel for texel in large for pixel in _places(size, *texel)]
+    pixels = [_places(size, *texel).get((key, k)) for texel, key in entries.values() for k in range(3)]
     there = np.array([pixel is not None and g.kind[pixel] == SURFACE for pixel in pixels])
     assert (light == np.where(there[:, None], [0, 0, 0, 1], 0)).all()
     assert read(out, "extra_count", np.uint32)[0] == there.sum()
     numbers = read(out, "extra_at", np.uint32)
-    assert (numbers[entries] == 1 + np.arange(len(large))).all()
-    assert np.count_nonzero(numbers) == len(large)
+    assert (numbers[list(entries)] == 1 + np.arange(len(entries))).all()
+    assert np.count_nonzero(numbers) == len(entries)
     assert (receivers["pixel"] == [p if t else MISS for p, t in zip(pixels, there, strict=True)]).all()
     own = np.array([p for p, t in zip(pixels, there, strict=True) if t], np.int64)
     row, column = np.divmod(own, size[0])

@@ -17,14 +17,14 @@ SIZES = [(64, 48), (129, 70), (37, 21), (23, 1)]
 
 def random_extras(rng: np.random.Generator, case: Case) -> Extras:
     """Extra samples at most of the places where there may be some."""
-    texels = sum(level[3] for level in case.levels[LARGE : case.coarsest + 1])
+    texels = 3 * sum(level[3] for level in case.levels[LARGE : case.coarsest + 1])
     light = rng.uniform(0, 2, (texels, 3, 3)).astype(np.float32).astype(np.float64)
     return Extras(light, rng.uniform(size=(texels, 3)) < 0.8)
 
 
 def _run(runner: Runner, case: Case, extras: Extras | None) -> NDArray[np.uint32]:
     texels = sum(level[3] for level in case.levels[LARGE : case.coarsest + 1])
-    light = np.full((3 * texels, 4), 9, np.float32)
+    light = np.full((9 * texels, 4), 9, np.float32)
     if extras is not None:
         light[:, :3] = extras.light.reshape(-1, 3)
         light[:, 3] = extras.there.ravel()

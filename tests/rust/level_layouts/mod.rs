@@ -22,7 +22,7 @@ use miplight::passes::lobes::lobe_points::LobePointsParams;
 use miplight::passes::lobes::lobe_visible::LobeVisibleParams;
 use miplight::passes::lpv::Volume;
 use miplight::passes::lpv::blockers::BlockersParams;
-use miplight::passes::lpv::inject::InjectParams;
+use miplight::passes::lpv::inject::{EnterParams, InjectParams};
 use miplight::passes::lpv::look_up::LookUpParams;
 use miplight::passes::lpv::points::{LpvCell, LpvPoint};
 use miplight::passes::lpv::propagate::PropagateParams;
@@ -255,6 +255,7 @@ fn volumes() -> Vec<(Layout, &'static str, &'static str)> {
         (host_layout!(LpvPoint { normal, area, instance, triangle, u, v }), "common/lpv_point", "LpvPoint"),
         (host_layout!(LpvCell { cell, first, count, pad }), "common/lpv_point", "LpvCell"),
         (host_layout!(InjectParams { side, most }), "passes/lpv/inject", "InjectParams"),
+        (host_layout!(EnterParams { side, most, outer, outer_cells, first, pad }), "passes/lpv/inject", "EnterParams"),
         (host_layout!(BlockersParams { first, pad0, pad1, pad2 }), "passes/lpv/blockers", "BlockersParams"),
         (host_layout!(LookUpParams { scale, pad0, pad1, pad2 }), "passes/lpv/look_up", "LookUpParams"),
         (propagate, "passes/lpv/propagate", "PropagateParams"),
