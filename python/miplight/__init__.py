@@ -22,8 +22,8 @@ from .errors import DeviceError, MiplightError, SceneError, SettingsError, Shade
 from .fragments import Fragments, Reason
 from .frame import Frame
 from .light import AreaLight
-from .live_view import live
 from .light_volume import LightVolume
+from .live_view import live
 from .material import Material
 from .one_call import render
 from .plan import Plan

@@ -127,8 +127,8 @@ def test_memory_does_not_grow_with_frames() -> None:
     assert max(growth.values()) < 16_000, growth
 
 
-def test_memory_grows_by_little_where_the_driver_compiles() -> None:
-    """Mesa compiles some kernels anew in each frame and keeps the code of all: see docs/stability.md."""
+def test_memory_does_not_grow_where_the_driver_could_compile() -> None:
+    """Mesa compiles a kernel anew where uniforms decide about a loop, half a megabyte: see docs/stability.md."""
     kinds = {*SOAKS} - STEADY
     growth = _soak(sized(20, 300), kinds)
-    assert max(growth[kind] for kind in kinds) < 4 * 2**20, growth
+    assert max(growth[kind] for kind in kinds) < 2**17, growth

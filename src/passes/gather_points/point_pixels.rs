@@ -52,5 +52,12 @@ pub(super) fn finish(context: &mut Context<'_, '_>, gbuffer: &GBuffer, points: &
     let pass = pass.bind("irradiance", &irradiance).bind("level_map", &level_map).bind("reason_map", &reason_map);
     pass.dispatch(pixels)?;
     let levels = Some([level_map, reason_map]);
-    Ok(Indirect { irradiance, levels, specular: None, evaluations: Evaluations::default(), virtual_lights: None })
+    Ok(Indirect {
+        irradiance,
+        levels,
+        specular: None,
+        evaluations: Evaluations::default(),
+        virtual_lights: None,
+        volume: None,
+    })
 }

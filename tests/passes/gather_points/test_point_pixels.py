@@ -103,8 +103,8 @@ def _expected(case: Case) -> tuple[Array, Array]:
     seen = case.g.kind == SURFACE
     factor = 4.0 ** (COARSEST - case.level)
     added = factor * np.concatenate([light + more, total[:, None]], axis=1)
-    sums = case.sums + np.where(seen[:, None], added, 0)
-    return sums, case.coverage + np.where(seen, total, 0)
+    sums = case.sums.astype(np.float64) + np.where(seen[:, None], added, 0)
+    return sums, case.coverage.astype(np.float64) + np.where(seen, total, 0)
 
 
 @pytest.mark.parametrize("level", [0, 1, 2, 3])
