@@ -128,7 +128,7 @@ def test_memory_does_not_grow_with_frames() -> None:
 
 
 def test_memory_does_not_grow_where_the_driver_could_compile() -> None:
-    """Mesa compiles kernels anew where uniforms decide about a loop, half a megabyte: see docs/stability.md."""
+    """Mesa compiles kernels anew where uniforms decide about a loop: see docs/stability.md."""
     kinds = {*SOAKS} - STEADY
     growth = _soak(sized(20, 300), kinds)
     assert max(growth[kind] for kind in kinds) < 2**17, growth
