@@ -9,13 +9,12 @@ pub mod point_sums;
 
 use bytemuck::{Pod, Zeroable};
 
-use crate::error::Result;
+use crate::error::{Error, Result};
 use crate::gpu::{Buffer, Usage};
-use crate::passes::indirect::{GatherWave, Indirect, Lists, gather_hits, wave_capacity};
+use crate::passes::indirect::{GatherWave, Indirect, Lists, gather_hits, waves};
 use crate::passes::refine::compact;
 use crate::passes::refine::pyramid::Pyramid;
 use crate::passes::{Context, GBuffer, TILE_PIXELS};
-use crate::scene::prepare::strata_grid;
 
 /// Twin of `GatherPoint` in `shaders/common/gather_point.wgsl`.
 #[repr(C)]
@@ -120,6 +119,7 @@ pub fn record(context: &mut Context<'_, '_>, gbuffer: &GBuffer) -> Result<Indire
         if count == 0 {
             break;
         }
+        check_fits(context, first as usize + count as usize)?;
         points.points = context.grown("points", first as usize, (first + count) as usize)?;
         let params =
             PointParams { reach: reach(context), first, count, covered: if level == 1 { ALONE } else { COVERED } };
@@ -130,6 +130,19 @@ pub fn record(context: &mut Context<'_, '_>, gbuffer: &GBuffer) -> Result<Indire
         first += count;
     }
     point_pixels::finish(context, gbuffer, &points)
+}
+
+fn check_fits(context: &Context<'_, '_>, count: usize) -> Result<()> {
+    let (bytes, most) =
+        (count * size_of::<GatherPoint>(), context.recorder.gpu().limits().max_storage_buffer_binding_size);
+    if bytes as u64 <= most {
+        return Ok(());
+    }
+    let [level, reach] = [context.settings.int("gather_level").to_string(), reach(context).to_string()];
+    Err(Error::Settings(format!(
+        "{count} points gather with gather_level={level} and gather_reach={reach}, {bytes} bytes in one binding; this adapter \
+         allows {most} (max_storage_buffer_binding_size): larger values of either, or a smaller image, need fewer"
+    )))
 }
 
 fn reach(context: &Context<'_, '_>) -> f32 {
@@ -155,30 +168,10 @@ fn rays_of(rays: u32, below: u32) -> u32 {
 fn gather(context: &mut Context<'_, '_>, gbuffer: &GBuffer, points: &Points, params: &PointParams) -> Result<()> {
     point_rays::begin(context, gbuffer, points, params)?;
     let rays = rays_of(context.settings.int("gather_rays"), points.pyramid.coarsest - points.pyramid.level);
-    let [strata_u, strata_v] = strata_grid(rays, 1.0, 1.0);
-    let capacity = wave_capacity(context);
-    let tiles = params.count.div_ceil(TILE_PIXELS);
-    let strata_at_once = rays.min(capacity / TILE_PIXELS);
-    let tiles_at_once = (capacity / (TILE_PIXELS * strata_at_once)).clamp(1, tiles);
-    let lists = Lists::new(context, (tiles_at_once * strata_at_once * TILE_PIXELS) as usize)?;
-    for first_tile in (0..tiles).step_by(tiles_at_once as usize) {
-        for first_stratum in (0..rays).step_by(strata_at_once as usize) {
-            let wave = GatherWave {
-                width: params.count,
-                height: 1,
-                first_tile,
-                tiles: tiles_at_once.min(tiles - first_tile),
-                first_stratum,
-                strata: strata_at_once.min(rays - first_stratum),
-                strata_u,
-                strata_v,
-                lights: context.prepared.lights as u32,
-                seed: context.settings.int("seed"),
-                bounce: 0,
-                last: 0,
-            };
-            gather_wave(context, gbuffer, (points, params), wave, &lists)?;
-        }
+    let waves = waves(context, [params.count, 1], params.count.div_ceil(TILE_PIXELS), rays);
+    let lists = Lists::new(context, waves.iter().map(GatherWave::size).max().unwrap_or(0))?;
+    for wave in waves {
+        gather_wave(context, gbuffer, (points, params), wave, &lists)?;
     }
     Ok(())
 }

@@ -164,41 +164,37 @@ pub fn record(context: &mut Context<'_, '_>, gbuffer: &GBuffer, glossy: bool) ->
     Ok(Indirect { irradiance, levels: None, specular: None, evaluations, virtual_lights: None, volume: None })
 }
 
-/// Rays of a wave.
-pub(super) fn wave_capacity(context: &Context<'_, '_>) -> u32 {
-    if context.tracer.native() { WAVE_NATIVE } else { WAVE_GPU }
+/// The waves of as many tiles as they are with `rays` from each place: whole tiles with all their strata, or where there are
+/// too many of these a part of one tile's.
+pub(super) fn waves(context: &Context<'_, '_>, [width, height]: [u32; 2], tiles: u32, rays: u32) -> Vec<GatherWave> {
+    let capacity = if context.tracer.native() { WAVE_NATIVE } else { WAVE_GPU };
+    let [strata_u, strata_v] = strata_grid(rays, 1.0, 1.0);
+    let strata_at_once = rays.min(capacity / TILE_PIXELS);
+    let tiles_at_once = (capacity / (TILE_PIXELS * strata_at_once)).clamp(1, tiles.max(1));
+    let lights = context.prepared.lights as u32;
+    let seed = context.settings.int("seed");
+    let mut waves = Vec::new();
+    for first_tile in (0..tiles).step_by(tiles_at_once as usize) {
+        let tiles = tiles_at_once.min(tiles - first_tile);
+        for first_stratum in (0..rays).step_by(strata_at_once as usize) {
+            let strata = strata_at_once.min(rays - first_stratum);
+            let part = GatherWave { first_tile, tiles, first_stratum, strata, ..GatherWave::zeroed() };
+            waves.push(GatherWave { width, height, strata_u, strata_v, lights, seed, ..part });
+        }
+    }
+    waves
 }
 
 /// Indirect irradiance of every pixel by rays.
 fn final_gather(context: &mut Context<'_, '_>, gbuffer: &GBuffer) -> Result<Buffer<[f32; 4]>> {
     let irradiance = context.resources.buffer("indirect_irradiance", context.view.pixels())?;
     context.recorder.clear(&irradiance)?;
-    let rays = context.settings.int("gather_rays");
-    let [strata_u, strata_v] = strata_grid(rays, 1.0, 1.0);
-    let capacity = wave_capacity(context);
     let tiles = context.view.tiled / TILE_PIXELS;
-    // A wave holds whole tiles with all their strata, or where there are too many of these a part of one tile's.
-    let strata_at_once = rays.min(capacity / TILE_PIXELS);
-    let tiles_at_once = (capacity / (TILE_PIXELS * strata_at_once)).clamp(1, tiles);
-    let lists = Lists::new(context, (tiles_at_once * strata_at_once * TILE_PIXELS) as usize)?;
-    for first_tile in (0..tiles).step_by(tiles_at_once as usize) {
-        for first_stratum in (0..rays).step_by(strata_at_once as usize) {
-            let wave = GatherWave {
-                width: context.view.width,
-                height: context.view.height,
-                first_tile,
-                tiles: tiles_at_once.min(tiles - first_tile),
-                first_stratum,
-                strata: strata_at_once.min(rays - first_stratum),
-                strata_u,
-                strata_v,
-                lights: context.prepared.lights as u32,
-                seed: context.settings.int("seed"),
-                bounce: 0,
-                last: 0,
-            };
-            record_wave(context, gbuffer, wave, &lists, &irradiance)?;
-        }
+    let size = [context.view.width, context.view.height];
+    let waves = waves(context, size, tiles, context.settings.int("gather_rays"));
+    let lists = Lists::new(context, waves.iter().map(GatherWave::size).max().unwrap_or(0))?;
+    for wave in waves {
+        record_wave(context, gbuffer, wave, &lists, &irradiance)?;
     }
     Ok(irradiance)
 }
