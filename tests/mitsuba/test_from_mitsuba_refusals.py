@@ -70,5 +70,7 @@ def test_a_file_cut_short(tmp_path: Path) -> None:
     ball.export(tmp_path / "ball.ply")
     data = (tmp_path / "ball.ply").read_bytes()
     (tmp_path / "ball.ply").write_bytes(data[: len(data) // 2])
-    with pytest.raises(ml.SceneError, match=r"shape \(ply, ball.ply\): ball.ply cannot be read .*a whole PLY file"):
+    with pytest.raises(
+        ml.SceneError, match=r"shape \(ply, ball.ply\): ball.ply cannot be read .*a whole PLY file"
+    ):
         load(write(tmp_path, '<shape type="ply"><string name="filename" value="ball.ply"/></shape>'))
