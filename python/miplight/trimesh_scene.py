@@ -50,12 +50,16 @@ def _load(path: Path) -> Any:
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")  # of loaders, about files that load all the same
-            return trimesh.load(str(path), process=False)
+            loaded = trimesh.load(str(path), process=False)
     except Exception as error:  # loaders raise whatever their parser stumbles over
         raise SceneError(
             f"source is {str(path)!r}, which cannot be read ({type(error).__name__}: {error}); "
             "allowed: a complete mesh or scene file that trimesh loads"
         ) from error
+    # what loaders make of some files that were cut short
+    if isinstance(loaded, trimesh.Scene) and not loaded.geometry:
+        raise SceneError(f"source is {str(path)!r}, which holds no mesh; allowed: a complete file with one")
+    return loaded
 
 
 def _add_graph(scene: Scene, source: trimesh.Scene, shading: Shading, textures: TextureCache) -> None:

@@ -67,7 +67,7 @@ pub(super) const LPV: &[Spec] = &[
     share(
         "lpv_most_flow",
         true,
-        0.75,
+        0.7,
         "Net flow of light at most, as a share of all light of a cell: 1 lets it be a beam, 2/3 a clamped cosine; smaller \
          values are smoother and carry less far, larger ones leave streaks in 24 directions.",
         "[KD10]",

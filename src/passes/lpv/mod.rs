@@ -67,7 +67,7 @@ pub type Flow = Buffer<[f32; 4]>;
 
 /// Largest net flow, as a share of all light of a cell.
 fn most(settings: &Settings) -> f32 {
-    settings.float("lpv_most_flow").unwrap_or(0.75) as f32
+    settings.float("lpv_most_flow").unwrap_or(0.7) as f32
 }
 
 /// # Errors
