@@ -7,6 +7,12 @@ const STEEPEST: f32 = 0.5;
 // and from this difference of unit normals on: 41 degrees.
 const MOST_TURNED: f32 = 0.7;
 
+// From 1 to 0 where `square`, that of a share, reaches 1.
+fn fade(square: f32) -> f32 {
+    let left = max(1.0 - square, 0.0);
+    return left * left;
+}
+
 fn alike(one: Receiver, other: Receiver) -> bool {
     let step = other.origin - one.origin;
     let off = abs(dot(one.normal_geo, step));

@@ -1,5 +1,7 @@
 // A place whose hemisphere was gathered, and how far what it found holds for others [WRC88].
 
+import package::common::alike::fade;
+
 struct GatherPoint {
     position: vec3f,
     inverse: f32,       // sum of 1 / distance to what its rays met
@@ -35,18 +37,33 @@ const LEAST_PIXELS: f32 = 1.5;
 // Distance to a point's plane counts so many times.
 const OFF_PLANE: f32 = 4.0;
 
-fn fade(square: f32) -> f32 {
-    let left = max(1.0 - square, 0.0);
-    return left * left;
-}
+// What a point that met nothing found holds so far, which is without end, and yet has a square.
+const ENDLESS: f32 = 1e18;
 
 // From 1 to 0 how far a point holds at p with normal n, where pixels are `width` wide.
 fn holds(point: GatherPoint, reach: f32, p: vec3f, n: vec3f, width: f32) -> f32 {
-    let far = max(reach * point.met / max(point.inverse, 1e-30), LEAST_PIXELS * width);
+    let share = select(reach * point.met / max(point.inverse, 1e-30), ENDLESS, point.met == 0.0);
+    let far = max(share, LEAST_PIXELS * width);
     let d = p - point.position;
     let off = OFF_PLANE * dot(d, point.normal);
     let turned = (point.normal - n) * (1.0 / MOST_TURNED);
-    return fade((dot(d, d) + off * off) / (far * far)) * fade(dot(turned, turned));
+    return fade((dot(d, d) + off * off) / max(far * far, 1e-37)) * fade(dot(turned, turned));
+}
+
+// A block's mark: its top bit, and below it the greater the nearer the pixel that it names is to the block's middle, and
+// of equally near ones the first.
+const MARKED: u32 = 0x80000000u;
+
+fn mark_of(level: u32, within: vec2u) -> u32 {
+    let apart = 2 * vec2i(within) + 1 - i32(1u << level);
+    let far = u32(apart.x * apart.x + apart.y * apart.y);
+    return MARKED | (~MARKED - ((far << (2u * level)) | (within.y << level) | within.x));
+}
+
+// Where in its block the pixel is that a mark names.
+fn place_of(level: u32, mark: u32) -> vec2u {
+    let key = ~MARKED - (mark & ~MARKED);
+    return vec2u(key, key >> level) & vec2u((1u << level) - 1u);
 }
 
 // A weighted mean of points at one place. Of what gradients add half is taken with each point, which cancels the error of

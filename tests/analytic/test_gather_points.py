@@ -84,6 +84,18 @@ def test_fragments_are_those_of_the_points(renderer: ml.Renderer, room: ml.Scene
     assert renderer.render(room, camera, POINTS.replace(gather_level=0)).indirect_fragments.counts[0] > 0
 
 
+def test_in_the_open_nothing_is_refined(renderer: ml.Renderer, room: ml.Scene, camera: ml.Camera) -> None:
+    """A floor that sees nothing gets nothing, and a ray or two from each coarse block know it."""
+    scene = ml.Scene()
+    scene.add_mesh(trimesh.creation.box((40, 0.1, 40)), name="floor", shading="flat")
+    scene.add_light(ml.AreaLight((-1, 5, -1), (2, 0, 0), (0, 0, 2), radiance=(9, 9, 9), visible=False))
+    above = ml.Camera.look_at((0, 8, 0.1), (0, 0, 0), fov_y=45, width=64, height=64)
+    frame = renderer.render(scene, above, POINTS)
+    assert (frame.indirect == 0).all()
+    assert frame.indirect_fragments.counts[3] == frame.indirect_fragments.total == 64
+    assert renderer.render(room, camera, POINTS).indirect_fragments.counts[1] > 0, "negative control"
+
+
 def test_the_same_bits(renderer: ml.Renderer, room: ml.Scene, camera: ml.Camera) -> None:
     images = [renderer.render(room, camera, POINTS).image for _ in range(3)]
     with ml.Renderer(renderer.adapter["name"]) as other:

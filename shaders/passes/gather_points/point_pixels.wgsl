@@ -6,7 +6,7 @@
 // In: G-buffer, points of the level. In and out: sums and coverage a pixel. Out: marks.
 
 import package::common::fragment::{LEVEL_NOTHING, REASON_COARSEST, REASON_ILLUMINATION, REASON_NOTHING};
-import package::common::gather_point::{GatherPoint, PointMean, PointParams, add_point, added, holds};
+import package::common::gather_point::{GatherPoint, PointMean, PointParams, add_point, added, holds, mark_of};
 import package::common::gbuffer::{SURFACE, floats};
 import package::common::grid::{Grid, item_index};
 import package::common::pyramid::{pyramid, texel_number, texel_of};
@@ -28,16 +28,11 @@ import package::common::view::View;
 @group(0) @binding(10) var<storage, read_write> level_map: array<u32>;
 @group(0) @binding(11) var<storage, read_write> reason_map: array<u32>;
 
-const MARKED: u32 = 0x80000000u;
-
 // Marks the block of `level` that a pixel is in; the pixel nearest to the block's middle, and of these the first, stays.
 fn mark(level: u32, pixel: vec2u) {
     let block = pixel >> vec2u(level);
     let within = pixel - (block << vec2u(level));
-    let apart = 2 * vec2i(within) + 1 - i32(1u << level);
-    let far = u32(apart.x * apart.x + apart.y * apart.y);
-    let key = (far << (2u * level)) | (within.y << level) | within.x;
-    atomicMax(&marks[block.y * pyramid.levels[level].x + block.x], MARKED | (0x7fffffffu - key));
+    atomicMax(&marks[block.y * pyramid.levels[level].x + block.x], mark_of(level, within));
 }
 
 @compute @workgroup_size(64)

@@ -4,7 +4,7 @@
 import package::common::basis::PI;
 import package::common::gather_direction::gather_direction;
 import package::common::gather_path::{GatherPath, GatherWave, NO_PIXEL};
-import package::common::gather_point::{GatherPoint, PointParams};
+import package::common::gather_point::{GatherPoint, PointParams, place_of};
 import package::common::gbuffer::floats;
 import package::common::grid::{Grid, item_index};
 import package::common::pyramid::{pyramid, texel_number, texel_of};
@@ -30,9 +30,7 @@ const FAR: f32 = 3e38;
 // The pixel that a block's mark names.
 fn marked_pixel(block: u32) -> u32 {
     let level = pyramid.level;
-    let key = 0x7fffffffu - (marks[block] & 0x7fffffffu);
-    let side = (1u << level) - 1u;
-    let pixel = (texel_of(pyramid.levels[level], block) << vec2u(level)) + vec2u(key & side, (key >> level) & side);
+    let pixel = (texel_of(pyramid.levels[level], block) << vec2u(level)) + place_of(level, marks[block]);
     return pixel.y * pyramid.levels[0].x + pixel.x;
 }
 

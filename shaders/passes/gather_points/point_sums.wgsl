@@ -4,7 +4,7 @@
 // In: hits; paths, occlusion bits. In and out: points.
 
 import package::common::gather_direction::gather_direction;
-import package::common::gather_path::{GatherPath, GatherWave, NO_PIXEL};
+import package::common::gather_path::{GatherPath, GatherWave};
 import package::common::gather_point::{GatherPoint, PointParams};
 import package::common::grid::{Grid, item_index};
 import package::common::ray::{Hit, MISS, Ray};
@@ -21,7 +21,7 @@ import package::common::tiles::TILE_PIXELS;
 
 // Light along the surface says little of other normals, and much of its noise.
 const STEEPEST: f32 = 3.0;
-// Nearer hits are of the surface's own unevenness.
+// No distance is smaller, so that none is divided by zero.
 const NEAREST: f32 = 1e-30;
 
 fn first_of(p: u32) -> u32 {

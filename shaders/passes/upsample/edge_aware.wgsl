@@ -7,7 +7,7 @@
 //   pixels  the image from level 1
 // In: fragments and their irradiance, pyramid, G-buffer. Out: irradiance a pixel.
 
-import package::common::alike::MOST_TURNED;
+import package::common::alike::{MOST_TURNED, fade};
 import package::common::gbuffer::{SURFACE, floats};
 import package::common::grid::{Grid, item_index};
 import package::common::illumination::{
@@ -29,12 +29,6 @@ import package::common::view::View;
 
 fn slot(number: u32) -> u32 {
     return number - pyramid.levels[1].z;
-}
-
-// From 1 to 0 where `square`, that of a share, reaches 1.
-fn fade(square: f32) -> f32 {
-    let left = max(1.0 - square, 0.0);
-    return left * left;
 }
 
 fn unit(v: vec3f) -> vec3f {

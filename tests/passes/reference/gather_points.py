@@ -41,14 +41,14 @@ def fade(square: Array) -> Array:
 
 def holds(points: NDArray[Any], reach: float, p: Array, n: Array, width: Array | float) -> Array:
     """How far each point holds at p with normal n: by distance, four times that to its plane, and turn."""
-    far = np.maximum(
-        reach * points["met"].astype(np.float64) / np.maximum(points["inverse"], 1e-30), 1.5 * width
-    )
+    met = points["met"].astype(np.float64)
+    share = np.where(met == 0, np.inf, reach * met / np.maximum(points["inverse"], 1e-30))
+    far = np.maximum(share, 1.5 * width)
     normal = points["normal"].astype(np.float64)
     d = p - points["position"].astype(np.float64)
     off = 4 * (d * normal).sum(axis=-1)
     turned = ((normal - n) ** 2).sum(axis=-1) / 0.35**2
-    held: Array = fade(((d**2).sum(axis=-1) + off**2) / far**2) * fade(turned)
+    held: Array = fade(((d**2).sum(axis=-1) + off**2) / np.maximum(far**2, 1e-37)) * fade(turned)
     return held
 
 
@@ -77,6 +77,9 @@ def random_points(rng: np.random.Generator, count: int, spread: float = 1.0) -> 
     points["normal"] = normal / np.linalg.norm(normal, axis=1, keepdims=True)
     points["met"] = rng.integers(1, 200, count)
     points["inverse"] = rng.lognormal(0, 0.5, count) * points["met"]
+    # what met nothing holds everywhere, what met something at no distance nowhere but at itself
+    points["met"][::19], points["inverse"][::19] = 0, 0
+    points["inverse"][5::19] = 3e38
     for name in CHANNELS:
         points[name] = points["normal"] * rng.uniform(0.5, 2, (count, 1)) + 0.2 * rng.normal(size=(count, 3))
         points[f"{name}_slope"] = 0.3 * rng.normal(size=(count, 3))
